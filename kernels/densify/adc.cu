@@ -3,6 +3,7 @@
 #include <cub/device/device_radix_sort.cuh>
 
 #include "kernels/densify/adc_device.h"
+#include "kernels/densify/densify.h"
 #include "kernels/densify/densify_cuda.h"
 #include "kernels/densify/rows_cuda.h"
 
@@ -140,7 +141,6 @@ void make_room(CudaModel& model, std::int64_t total, std::int64_t cap, cudaStrea
 DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {
     const std::int64_t n = model_.count, block = scratch_.bytes();
     const bool capped = params.cap > 0;
-    if (n == 0 && params.may_remove_all) return {};  // a rank without Gaussians
     CudaResidualHandles residuals(model_, stream_);
     // Each clone or split adds one Gaussian. At the cap the strongest gradients grow first.
     const std::int64_t room = capped ? std::clamp<std::int64_t>(params.cap - n, 0, n) : n;
@@ -200,10 +200,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
                first_child = kept + std::int64_t(counts.clones);
     const std::int64_t total = first_child + children,
                        before_pruning = n + std::int64_t(counts.cloned) + 2 * std::int64_t(counts.split);
-    if (total == 0 && !params.may_remove_all)
-        throw NumericError("iteration " + std::to_string(iteration) + ": densification pruned all " +
-                           std::to_string(before_pruning) + " Gaussians (opacity below " +
-                           std::to_string(params.min_opacity) + " or scale above 0.1 of the scene extent)");
+    if (total == 0 && !params.may_remove_all) throw_nothing_left(params, iteration, before_pruning);
     if (children > 0) {
         list_children<<<num_blocks(children, kRowBlock), kRowBlock, 0, stream_>>>(children, space.parents,
                                                                                   space.order + first_child);

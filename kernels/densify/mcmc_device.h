@@ -7,6 +7,7 @@
 #include "kernels/core/rng.h"
 #include "kernels/densify/relocation_device.h"
 #include "kernels/densify/rows_device.h"
+#include "kernels/model/adam_device.h"
 #include "kernels/requests.h"
 
 namespace gs {
@@ -27,10 +28,9 @@ GS_HD std::uint64_t sampling_weight(float raw_opacity) {
 /// root of the norm of its base colour's root mean square gradient, in units of 2^-32. `second_moment` (3) is Adam's,
 /// as it was `missed` steps ago.
 GS_HD std::uint64_t gradient_weight(float raw_opacity, const float* second_moment, double missed) {
-    constexpr double kQuarterOfLogBeta2 = -0.0010005003335835335 / 4;
-    const double squared = double(second_moment[0]) + second_moment[1] + second_moment[2];
-    const double aging = gs_exp(kQuarterOfLogBeta2 * gs_max(missed, 0.0));
-    const double weight = sigmoid(double(raw_opacity)) * gs_sqrt(gs_sqrt(squared)) * aging;
+    const double sum = double(second_moment[0]) + second_moment[1] + second_moment[2];
+    const double squared = sum * second_moment_decay(gs_max(missed, 0.0));
+    const double weight = sigmoid(double(raw_opacity)) * gs_sqrt(gs_sqrt(squared));
     return weight >= 0 ? std::uint64_t(gs_clamp(weight, 0.0, 1.0) * 4294967296.0 + 0.5) : 0;
 }
 

@@ -38,7 +38,9 @@ template <class T> struct AdamGains {
 };
 
 /// Returns the factor of the second moment after `missed` steps without a gradient.
-GS_HD float second_moment_decay(float missed) { return ::exp2f(missed * -0.0014434168696687186f); }  // log2 0.999
+template <class T> GS_HD T second_moment_decay(T missed) {
+    return gs_exp2(missed * T(-0.0014434168696687186));  // log2 0.999
+}
 
 /// The limit that gradients are clamped to. Squares of larger ones leave float's range, and an infinite second moment
 /// makes the next step NaN.

@@ -219,12 +219,17 @@ TEST_F(CudaDensification, AdcMovesTheResidualsOfEveryModel) {
     }
 }
 
+/// Returns rows that ADC prunes, all of them.
+Gaussians faint_model(std::int64_t n) {
+    Gaussians s = random_model(n, 3, 13);
+    std::fill(s[Group::kOpacity].param.begin(), s[Group::kOpacity].param.end(), -9.0f);
+    gather_statistic(s, 6);
+    return s;
+}
+
 TEST_F(CudaDensification, AdcMayRemoveAllOfARank) {
     for (const std::int64_t n : {0, 3}) {
-        Gaussians s = random_model(n, 3, 13);
-        std::fill(s[Group::kOpacity].param.begin(), s[Group::kOpacity].param.end(), -9.0f);
-        gather_statistic(s, 6);
-        const Both both(s);
+        const Both both(faint_model(n));
         AdcParams p;
         p.may_remove_all = true;
         expect_same(both.cpu->densify({p, 600, 1}), both.gpu->densify({p, 600, 1}));
@@ -235,10 +240,7 @@ TEST_F(CudaDensification, AdcMayRemoveAllOfARank) {
 
 TEST_F(CudaDensification, AdcThatLeavesNothingIsTheSameError) {
     for (const std::int64_t n : {0, 3}) {
-        Gaussians s = random_model(n, 3, 13);
-        std::fill(s[Group::kOpacity].param.begin(), s[Group::kOpacity].param.end(), -9.0f);
-        gather_statistic(s, 6);
-        const Both both(s);
+        const Both both(faint_model(n));
         std::string messages[2];
         for (int k = 0; k < 2; ++k) {
             try {

@@ -175,7 +175,7 @@ inline std::vector<NamedScene> test_scenes() {
          [] { return with(random_scene(1, 3, 33, 25, 0, 3), [](TestScene& s) { s.informative = 0.1; }); }},
         {"SmallerThanTheWindow", [] { return random_scene(60, 3, 17, 13, 0, 2); }},
         {"Lego", [] { return random_scene(10000, 3, 800, 800, -2.5, 3); }},
-        {"Large", [] { return random_scene(60, 3, 3840, 540, -1, 4); }},
+        {"Large", [] { return random_scene(60, 3, 3840, 2160, -1, 4); }},
         {"None", [] { return random_scene(500, 0, 130, 70, -1, 5); }},
         {"OneTile", [] { return one_tile_scene(1.5, -4); }},
         {"OnePixelOfMany", [] { return one_tile_scene(0, -4.8); }},
