@@ -659,11 +659,10 @@ MemoryUse CudaBackend::memory() {
     sizes_ = {};  // counting leaves null pointers in the buffers
     MemoryUse use;
     use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
-    use.rows = {
-        {"parameters, Adam moments, indices",
-         model_.bytes() + half_residuals_.bytes() + lazy_.bytes() + binning_.bytes(), "Gaussian", double(model_.count)},
-        {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
-        {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
+    use.rows = {{"parameters, Adam moments, indices", model_.bytes() + half_residuals_.bytes() + lazy_.bytes(),
+                 "Gaussian", double(model_.count)},
+                {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
+                {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
     if (ppisp_.host().active())
         use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
     // The next rows divide the scratch block of a step by the items that its parts grow with. Stages share places, so

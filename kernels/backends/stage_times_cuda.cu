@@ -9,17 +9,19 @@ namespace gs {
 std::vector<StageCost> StageTimes::take(double residual_width, double operations, double operations_backward) {
     const auto seconds = [&](CudaStage s) { return seconds_[int(s)]; };
     // The bytes are those that each stage must at least read and write once. A splat has 48 bytes, its sums 36 of 48.
-    // Radix sorts move key and value once a pass: three passes for the depth (8 bytes), two for the tile (6 bytes). The
-    // instructions are counted in the templates: fragment_alpha 10 and blend_fragment 10 forward, and 120 that find the
-    // sub-tiles which an instance reaches; 10, fragment_gradient 14 and two stores backward.
+    // Radix sorts move key and value once a pass: three passes for the depth (8 bytes, of what is visible, without the
+    // first values and the last keys), two for the tile (6 bytes). The instructions are counted in the templates:
+    // fragment_alpha 10 and blend_fragment 10 forward, and 120 that find the sub-tiles which an instance reaches; 10,
+    // fragment_gradient 14 and two stores backward.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian",
          gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8), visible_ * (260 + operations), "",
          true},
         {"sort", seconds(CudaStage::kSort), instances_, "instance",
-         gaussians_ * (3 * 16 + 4 + 4) + visible_ * 20 + instances_ * (6 + 2 * 12 + 2), visible_ * 20 + instances_ * 10,
-         "five radix passes and nine small kernels in a row: around a million keys each takes 2 to 25 us, most of it "
-         "latency"},
+         gaussians_ * (4 + 4) + visible_ * (8 + 16 + 12 + 4 + 4 + 8) + instances_ * (6 + 2 * 12 + 2),
+         visible_ * 20 + instances_ * 10,
+         "five radix passes and six small kernels in a row: below a million keys each takes 2 to 15 us, most of it "
+         "latency, and starts 2 us after the one before it"},
         {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16,
          pairs_ * 20 + instances_ * 120,
          "a third of the instructions find and list splats, not counted in the floor; warps wait for the slowest of "

@@ -1,34 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Radix sorts of Gaussians by depth and of their instances by tile.
-#include <cub/agent/single_pass_scan_operators.cuh>
 #include <cub/block/block_scan.cuh>
-#include <cub/device/device_radix_sort.cuh>
-#include <cuda/std/functional>
 
 #include "kernels/sort/binning_cuda.h"
+#include "kernels/sort/radix_cuda.cuh"
 
 namespace gs {
 namespace {
 
-constexpr int kBlock = 256, kWriteBlock = 512;
+constexpr int kBlock = 256, kWriteBlock = ChunkSums::kPairs;
 constexpr unsigned kManyBlocks = 512;  ///< enough to fill a large device once
-
-/// The sums of instances so far, which blocks hand on to those behind them.
-using ScanState = cub::ScanTileState<std::uint32_t>;
-
-__global__ void fill_identity(std::uint32_t n, std::uint32_t* indices) {
-    const std::uint32_t i = blockIdx.x * kBlock + threadIdx.x;
-    if (i < n) indices[i] = i;
-}
-
-/// Returns the sum of `x` over the lanes up to this one.
-__device__ std::uint32_t inclusive_sum(std::uint32_t x) {
-    for (int d = 1; d < 32; d *= 2) {
-        const std::uint32_t other = __shfl_up_sync(~0u, x, d);
-        if (int(threadIdx.x & 31) >= d) x += other;
-    }
-    return x;
-}
 
 /// What writing instances reads and writes.
 template <class Key> struct InstanceLists {
@@ -40,27 +21,43 @@ template <class Key> struct InstanceLists {
     std::uint32_t* instances;     ///< (room): the Gaussian of each
     std::uint32_t* ends;          ///< (n) or null: in depth order, the end of each one's instances
     uint2* large;                 ///< (n): Gaussians with more than 32 candidate tiles, and the first instance of each
+    std::uint32_t* counts_of_digits;  ///< of the tile keys, 0 before
+    DigitPlan plan;
+    ChunkSums sums;  ///< instances of a block's Gaussians, and of groups of blocks
 };
 
-__global__ void __launch_bounds__(kBlock) begin_scan(ScanState state, int blocks) { state.InitializeStatus(blocks); }
+/// Counts the digits of a block's keys in its shared memory. All threads of the block must call clear() and add_to().
+template <int kThreads> struct DigitCounts {
+    std::uint32_t* counts;
+    DigitPlan plan;
+
+    __device__ void clear() const {
+        for (int c = int(threadIdx.x); c < plan.counts(); c += kThreads) counts[c] = 0;
+        __syncthreads();
+    }
+    __device__ void count(std::uint32_t key) const {
+        for (int p = 0; p < plan.passes; ++p)
+            atomicAdd(&counts[p << plan.bits | (key >> p * plan.bits & ((1u << plan.bits) - 1))], 1u);
+    }
+    __device__ void add_to(std::uint32_t* all) const {
+        __syncthreads();
+        for (int c = int(threadIdx.x); c < plan.counts(); c += kThreads)
+            if (counts[c]) atomicAdd(&all[c], counts[c]);
+    }
+};
+constexpr int kMostCounts = 4 * 256;
 
 /// Writes the instances of a block's Gaussians in depth order. Those with more than 32 candidate tiles, which come
 /// together in depth order, are left for write_large_instances.
 template <class Key>
 __global__ void __launch_bounds__(kWriteBlock)
-    write_instances(InstanceLists<Key> lists, ScanState state, int tiles_x, StepControl* control) {
+    write_instances(InstanceLists<Key> lists, int tiles_x, StepControl* control) {
     using BlockScan = cub::BlockScan<std::uint32_t, kWriteBlock>;
-    using Prefix = cub::TilePrefixCallbackOp<std::uint32_t, cuda::std::plus<>, ScanState>;
     __shared__ typename BlockScan::TempStorage scan;
-    __shared__ typename Prefix::TempStorage prefix;
+    __shared__ std::uint32_t digit_counts[kMostCounts], before;
     __shared__ std::uint16_t candidates[kWriteBlock / 32][32 * 32];  // lane and candidate tile of a warp's instances
     const std::uint32_t k = blockIdx.x * kWriteBlock + threadIdx.x, num_visible = control->num_visible;
-    const bool fits = control->num_instances <= lists.room;
-    // All of the room is sorted: behind the last instance come keys beyond every tile.
-    for (std::uint32_t i = (fits ? std::uint32_t(control->num_instances) : 0) + k; i < lists.room;
-         i += gridDim.x * kWriteBlock)
-        lists.tile_keys[i] = Key(~Key(0)), lists.instances[i] = 0;
-    if (!fits) {
+    if (control->num_instances > lists.room) {
         if (k == 0) control->stopped = 1;
         return;
     }
@@ -69,30 +66,35 @@ __global__ void __launch_bounds__(kWriteBlock)
         return;
     }
     const bool visible = k < num_visible;
-    const std::uint32_t gaussian = visible ? lists.order[k] : 0, count = visible ? lists.counts[gaussian] : 0;
+    const std::uint32_t gaussian = visible ? lists.order[k] : 0;
     const TileSpan span = visible ? lists.spans[gaussian] : TileSpan{0, 0};
-    std::uint32_t start;
-    if (blockIdx.x == 0) {
-        std::uint32_t sum;
-        BlockScan(scan).ExclusiveSum(count, start, sum);
-        if (threadIdx.x == 0) state.SetInclusive(0, sum);
-    } else {
-        Prefix before(state, prefix, cuda::std::plus<>{});
-        BlockScan(scan).ExclusiveSum(count, start, before);
-    }
-    if (lists.ends && k < lists.n) lists.ends[k] = start + count;
+    const std::uint32_t group = blockIdx.x / ChunkSums::kChunksOfGroup,
+                        in_group = blockIdx.x % ChunkSums::kChunksOfGroup;
+    std::uint32_t sum_before = threadIdx.x < in_group ? lists.sums.of_chunks[blockIdx.x - in_group + threadIdx.x] : 0;
+    for (std::uint32_t g = threadIdx.x; g < group; g += kWriteBlock) sum_before += lists.sums.of_groups[g];
+    const DigitCounts<kWriteBlock> digits{digit_counts, lists.plan};
+    if (threadIdx.x == 0) before = 0;
+    digits.clear();
+    sum_before = __reduce_add_sync(~0u, sum_before);
+    if ((threadIdx.x & 31) == 0 && sum_before > 0) atomicAdd(&before, sum_before);
     const bool small = visible && span.width() > 0;
-    if (visible && !small) lists.large[atomicAdd(&control->num_large, 1u)] = make_uint2(gaussian, start);
+    const std::uint32_t count = small ? __popc(span.mask) : visible ? lists.counts[gaussian] : 0;
+    std::uint32_t start;
+    BlockScan(scan).ExclusiveSum(count, start);
 
     // Lanes have different numbers of instances: the warp lists them, and then each lane writes every 32nd.
     std::uint16_t* list = candidates[threadIdx.x / 32];
     const std::uint32_t lane = threadIdx.x & 31, own = small ? count : 0, end = inclusive_sum(own);
     std::uint32_t at = end - own;
-    const std::uint32_t place_to_instance = start - at, total = __shfl_sync(~0u, end, 31);
+    const std::uint32_t total = __shfl_sync(~0u, end, 31);
     if (small)
         for (unsigned bits = span.mask; bits; bits &= bits - 1)
             list[at++] = std::uint16_t(lane << 5 | (__ffs(bits) - 1));
-    __syncwarp();
+    __syncthreads();
+    start += before;
+    if (lists.ends && k < lists.n) lists.ends[k] = start + count;
+    if (visible && !small) lists.large[atomicAdd(&control->num_large, 1u)] = make_uint2(gaussian, start);
+    const std::uint32_t place_to_instance = start - (end - own);
     for (std::uint32_t place = lane; place - lane < total; place += 32) {
         const std::uint32_t word = place < total ? list[place] : 0, owner = word >> 5;
         const TileSpan tiles{__shfl_sync(~0u, span.where, owner), 0};
@@ -101,9 +103,12 @@ __global__ void __launch_bounds__(kWriteBlock)
         if (place >= total) continue;
         // The half keeps the quotient away from whole numbers, which the rounding could cross.
         const int candidate = word & 31, row = int((candidate + 0.5f) / tiles.width());
-        lists.tile_keys[i] = Key((tiles.y0() + row) * tiles_x + tiles.x0() + candidate - row * tiles.width());
+        const Key key = Key((tiles.y0() + row) * tiles_x + tiles.x0() + candidate - row * tiles.width());
+        lists.tile_keys[i] = key;
         lists.instances[i] = g;
+        digits.count(key);
     }
+    digits.add_to(lists.counts_of_digits);
 }
 
 /// Writes the instances of large Gaussians, with a warp for each.
@@ -111,7 +116,10 @@ template <class Key>
 __global__ void __launch_bounds__(kBlock)
     write_large_instances(InstanceLists<Key> lists, const PackedSplat* __restrict__ splats, int tiles_x,
                           const StepControl* __restrict__ control) {
-    if (control->num_instances > lists.room) return;
+    __shared__ std::uint32_t digit_counts[kMostCounts];
+    if (control->num_instances > lists.room || blockIdx.x * (kBlock / 32) >= control->num_large) return;
+    const DigitCounts<kBlock> digits{digit_counts, lists.plan};
+    digits.clear();
     const std::uint32_t lane = threadIdx.x & 31;
     for (std::uint32_t item = (blockIdx.x * kBlock + threadIdx.x) / 32; item < control->num_large;
          item += gridDim.x * kBlock / 32) {
@@ -124,31 +132,34 @@ __global__ void __launch_bounds__(kBlock)
             for (int row = 0; row < min(32, r.y0 + r.height - y); ++row) {
                 const int x0 = __shfl_sync(~0u, mine.x0, row), size = __shfl_sync(~0u, mine.x1, row) - x0;
                 for (int x = int(lane); x < size && at + x < stop; x += 32) {
-                    lists.tile_keys[at + x] = Key((y + row) * tiles_x + x0 + x);
+                    const Key key = Key((y + row) * tiles_x + x0 + x);
+                    lists.tile_keys[at + x] = key;
                     lists.instances[at + x] = gaussian;
+                    digits.count(key);
                 }
                 at += size;
             }
         }
     }
+    digits.add_to(lists.counts_of_digits);
 }
 
 /// Sets offsets[t] to the first instance of a tile >= t. A thread looks whether lists begin at some instances in a row;
-/// one place lies behind the last instance. Keys beyond the last instance exceed every tile.
+/// one place lies behind the last instance.
 constexpr int kKeysOfThread = 8;
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
-    find_tile_offsets(std::uint32_t room, const Key* __restrict__ tiles, std::uint32_t num_tiles,
+    find_tile_offsets(NumPairs num_instances, const Key* __restrict__ tiles, std::uint32_t num_tiles,
                       std::uint32_t* __restrict__ offsets) {
-    const std::uint32_t first = (blockIdx.x * kBlock + threadIdx.x) * kKeysOfThread;
-    if (first > room) return;
-    const auto tile = [&](std::uint32_t i) { return i < room ? min(std::uint32_t(tiles[i]), num_tiles) : num_tiles; };
+    const std::uint32_t first = (blockIdx.x * kBlock + threadIdx.x) * kKeysOfThread, n = num_instances();
+    if (first > n) return;
+    const auto tile = [&](std::uint32_t i) { return i < n ? std::uint32_t(tiles[i]) : num_tiles; };
     std::uint32_t found[kKeysOfThread], next = first > 0 ? tile(first - 1) + 1 : 0;
 #pragma unroll
     for (int u = 0; u < kKeysOfThread; ++u) found[u] = tile(first + u);
 #pragma unroll
     for (int u = 0; u < kKeysOfThread; ++u)
-        for (; next <= found[u]; ++next) offsets[next] = min(first + u, room);
+        for (; next <= found[u]; ++next) offsets[next] = min(first + u, n);
 }
 
 /// Lists the work on tiles by the time that it takes, in steps of 16 instances, with a counting sort in one block.
@@ -199,20 +210,36 @@ __global__ void __launch_bounds__(kOrderThreads)
     for (std::uint32_t k = listed + threadIdx.x; k < num_items; k += kOrderThreads) longest_first[k] = {};
 }
 
-template <class Key> std::size_t sort_bytes(std::int64_t items, int bits) {
-    std::size_t bytes = 0;
-    GS_CUDA(cub::DeviceRadixSort::SortPairs(nullptr, bytes, static_cast<const Key*>(nullptr),
-                                            static_cast<Key*>(nullptr), static_cast<const std::uint32_t*>(nullptr),
-                                            static_cast<std::uint32_t*>(nullptr), int(items), 0, bits));
-    return bytes;
+/// The least key of a Gaussian that touches a tile.
+constexpr std::uint32_t kLeastVisible = 1u << kDepthKeyBits;
+
+/// Counts the digits of the depth keys that are not culled.
+constexpr int kCountBlock = 512, kCountItems = 4;
+__global__ void __launch_bounds__(kCountBlock)
+    count_depth_digits(std::uint32_t n, const std::uint32_t* __restrict__ keys, DigitPlan plan, std::uint32_t* counts) {
+    __shared__ std::uint32_t digit_counts[kMostCounts];
+    const DigitCounts<kCountBlock> digits{digit_counts, plan};
+    digits.clear();
+    constexpr std::uint32_t kStep = kCountBlock * kCountItems;
+    for (std::uint32_t first = blockIdx.x * kStep + threadIdx.x; first - threadIdx.x < n; first += gridDim.x * kStep) {
+        std::uint32_t key[kCountItems];
+#pragma unroll
+        for (int u = 0; u < kCountItems; ++u) key[u] = first + u * kCountBlock < n ? keys[first + u * kCountBlock] : 0;
+#pragma unroll
+        for (int u = 0; u < kCountItems; ++u)
+            if (key[u] >= kLeastVisible) digits.count(key[u]);
+    }
+    digits.add_to(counts);
 }
+
+constexpr DigitPlan kDepthPlan = DigitPlan::of(kDepthKeyBits);
 
 }  // namespace
 
-int CudaBinning::tile_bits() const {
-    int bits = 1;  // the values exceed the tiles by one, for keys beyond the last instance
-    while ((std::int64_t(1) << bits) <= bins_.num_tiles()) ++bits;
-    return bits;
+DigitPlan CudaBinning::tile_plan() const {
+    int bits = 1;
+    while ((std::int64_t(1) << bits) < bins_.num_tiles()) ++bits;
+    return DigitPlan::of(bits);
 }
 
 void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height,
@@ -236,70 +263,87 @@ void CudaBinning::take_temporaries(Carver& c) {
     input_.spans = c.take<TileSpan>(n_);
     large_ = c.take<uint2>(n_);
     if (!keep_slots_) order_ = c.take<std::uint32_t>(n_);
-    const bool small = tile_bits() <= 16;
-    const std::size_t key_words = small ? (capacity_ + 1) / 2 : capacity_;
-    tile_keys_ = c.take<std::uint32_t>(key_words);
-    sorted_tile_keys_ = c.take<std::uint32_t>(key_words);
-    unsorted_ = keep_slots_ ? gaussians_ : c.take<std::uint32_t>(capacity_);
-    std::size_t scan = 0;
-    GS_CUDA(ScanState::AllocationSize(int(num_blocks(n_, kWriteBlock)), scan));
-    workspace_bytes_ = std::max({scan, sort_bytes<std::uint32_t>(n_, kDepthKeyBits),
-                                 small ? sort_bytes<std::uint16_t>(capacity_, tile_bits())
-                                       : sort_bytes<std::uint32_t>(capacity_, tile_bits())});
-    workspace_ = c.take<unsigned char>(workspace_bytes_);
+    const DigitPlan tiles = tile_plan();
+    const std::size_t key_words = tiles.passes == 2 ? (capacity_ + 1) / 2 : capacity_;
+    for (std::uint32_t*& keys : tile_keys_) keys = c.take<std::uint32_t>(key_words);
+    other_ = c.take<std::uint32_t>(capacity_);
+    counts_ = nullptr;
+    counts_ = c.take<std::uint32_t>(counts_for(capacity_).words);
+}
+
+/// Returns where counts and sums lie for a sort of so many instances.
+CudaBinning::Counts CudaBinning::counts_for(std::int64_t instances) const {
+    Counts c;
+    const auto take = [&](std::size_t words) {
+        std::uint32_t* const taken = counts_ ? counts_ + c.words : nullptr;
+        c.words += (words + 3) / 4 * 4;  // such that fours are aligned
+        return taken;
+    };
+    const DigitPlan tiles = tile_plan();
+    const unsigned groups = num_blocks(n_, ChunkSums::kPairs * ChunkSums::kChunksOfGroup);
+    c.depth_digits = take(kDepthPlan.counts()), c.tile_digits = take(tiles.counts());
+    c.chunk_sums = {input_.counts, take(groups * ChunkSums::kChunksOfGroup), take(groups)};
+    c.depth_sums = take(kDepthPlan.passes * kDepthPlan.sums(n_));
+    c.tile_sums = take(tiles.passes * tiles.sums(instances));
+    return c;
 }
 
 template <class Key>
 void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, StepControl* control,
-                                 cudaStream_t stream) {
-    Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
-    const InstanceLists<Key> lists{
-        std::uint32_t(n_), std::uint32_t(room), order_, input_.counts, input_.spans, keys, unsorted_, ends_, large_};
-    // At least so many blocks that what lies behind the last instance is not left to a few.
-    const unsigned scanned = num_blocks(n_, kWriteBlock),
-                   blocks = std::max(scanned, std::min(num_blocks(room + 1, kWriteBlock), kManyBlocks));
-    ScanState sums;
-    GS_CUDA(sums.Init(int(scanned), workspace_, workspace_bytes_));
+                                 const Counts& counts, cudaStream_t stream) {
+    const DigitPlan plan = tile_plan();
+    // The last pass writes the sorted instances.
+    std::uint32_t *unsorted = plan.passes % 2 ? other_ : sorted_, *behind = plan.passes % 2 ? sorted_ : other_;
+    const RadixPairs<Key> pairs{{reinterpret_cast<Key*>(tile_keys_[0]), reinterpret_cast<Key*>(tile_keys_[1])},
+                                {unsorted, behind}};
+    const InstanceLists<Key> lists{std::uint32_t(n_),
+                                   std::uint32_t(room),
+                                   order_,
+                                   input_.counts,
+                                   input_.spans,
+                                   pairs.keys[0],
+                                   keep_slots_ ? gaussians_ : unsorted,
+                                   ends_,
+                                   large_,
+                                   counts.tile_digits,
+                                   plan,
+                                   counts.chunk_sums};
+    const NumPairs num_instances{NumPairs::kInstances, std::uint32_t(room), control};
     if (n_ > 0) {
-        begin_scan<<<num_blocks(scanned, kBlock), kBlock, 0, stream>>>(sums, int(scanned));
-        GS_CUDA_LAUNCHED("begin_scan");
-    }
-    write_instances<Key><<<blocks, kWriteBlock, 0, stream>>>(lists, sums, bins_.tiles_x, control);
-    GS_CUDA_LAUNCHED("write_instances");
-    if (n_ > 0) {
+        write_instances<Key><<<num_blocks(n_, kWriteBlock), kWriteBlock, 0, stream>>>(lists, bins_.tiles_x, control);
+        GS_CUDA_LAUNCHED("write_instances");
         write_large_instances<Key><<<kManyBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control);
         GS_CUDA_LAUNCHED("write_large_instances");
+        sort_pairs(plan, pairs, keep_slots_, true, counts.tile_digits, counts.tile_sums, num_instances, num_instances,
+                   0, {}, stream);
     }
-    std::size_t bytes = workspace_bytes_;
-    GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys,
-                                            keep_slots_ ? identity_.get() : unsorted_, sorted_, int(room), 0,
-                                            tile_bits(), stream));
+    const Key* keys = pairs.keys[plan.passes % 2];
     find_tile_offsets<Key><<<num_blocks(room + 1, kBlock * kKeysOfThread), kBlock, 0, stream>>>(
-        std::uint32_t(room), sorted_keys, bins_.num_tiles(), tile_offsets_);
+        num_instances, keys, bins_.num_tiles(), tile_offsets_);
     GS_CUDA_LAUNCHED("find_tile_offsets");
     order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), bins_.num_items(), tile_offsets_, longest_first_);
     GS_CUDA_LAUNCHED("order_tiles");
 }
 
 CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, StepControl* control, cudaStream_t stream) {
-    const std::size_t identities = std::max(n_, keep_slots_ ? capacity_ : 0);
-    if (identities > identity_.capacity()) {
-        identity_.reserve(identities);
-        fill_identity<<<num_blocks(identity_.capacity(), kBlock), kBlock, 0, stream>>>(
-            std::uint32_t(identity_.capacity()), identity_.get());
-        GS_CUDA_LAUNCHED("fill_identity");
-    }
+    const Counts counts = counts_for(room);
+    GS_CUDA(cudaMemsetAsync(counts_, 0, counts.words * sizeof *counts_, stream));
     if (n_ > 0) {
-        // Nobody reads the sorted keys, so their place then holds the list of large Gaussians.
-        std::uint32_t* sorted_keys = reinterpret_cast<std::uint32_t*>(large_);
-        std::size_t bytes = workspace_bytes_;
-        GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, input_.depth_keys, sorted_keys, identity_.get(),
-                                                order_, int(n_), 0, kDepthKeyBits, stream));
+        count_depth_digits<<<std::min(num_blocks(n_, kCountBlock * kCountItems), kManyBlocks / 2), kCountBlock, 0,
+                             stream>>>(std::uint32_t(n_), input_.depth_keys, kDepthPlan, counts.depth_digits);
+        GS_CUDA_LAUNCHED("count_depth_digits");
+        // Large Gaussians are listed only after this. The last pass writes the order.
+        std::uint32_t *keys = reinterpret_cast<std::uint32_t*>(large_), *values = keys + n_;
+        const RadixPairs<std::uint32_t> pairs{{input_.depth_keys, keys}, {values, order_}};
+        static_assert(kDepthPlan.passes % 2 == 1);
+        sort_pairs(kDepthPlan, pairs, true, false, counts.depth_digits, counts.depth_sums,
+                   {NumPairs::kAll, std::uint32_t(n_), control}, {NumPairs::kVisible, std::uint32_t(n_), control},
+                   kLeastVisible, counts.chunk_sums, stream);
     }
-    if (tile_bits() <= 16)
-        sort_instances<std::uint16_t>(splats, room, control, stream);
+    if (tile_plan().passes == 2)
+        sort_instances<std::uint16_t>(splats, room, control, counts, stream);
     else
-        sort_instances<std::uint32_t>(splats, room, control, stream);
+        sort_instances<std::uint32_t>(splats, room, control, counts, stream);
     bins_.instances = sorted_;
     bins_.gaussians = keep_slots_ ? gaussians_ : nullptr;
     bins_.tile_offsets = tile_offsets_;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernels/cuda/device_memory.h"
+#include "kernels/sort/digit_plan_cuda.h"
 #include "kernels/splat/bins_cuda.h"
 #include "kernels/splat/depth_key.h"
 #include "kernels/splat/splat_cuda.h"
@@ -10,9 +11,22 @@
 
 namespace gs {
 
+/// What stands for this many touched tiles and more beside a depth key.
+inline constexpr std::uint32_t kManyTiles = 0xff;
+
+/// The tiles that the Gaussians of a part of the depth order touch, from which their instances find their places. They
+/// are summed up while the order is written.
+struct ChunkSums {
+    static constexpr std::uint32_t kPairs = 512, kChunksOfGroup = 16;
+
+    const std::uint32_t* tiles = nullptr;  ///< (n)
+    std::uint32_t* of_chunks = nullptr;    ///< of kPairs Gaussians each, 0 before; null: no sums
+    std::uint32_t* of_groups = nullptr;    ///< of kChunksOfGroup chunks each, 0 before
+};
+
 /// The arrays that preprocessing fills and binning sorts, (n) each.
 struct CudaBinningInput {
-    std::uint32_t* depth_keys;  ///< kDepthKeyBits bits; culled Gaussians sort last
+    std::uint32_t* depth_keys;  ///< above the kDepthKeyBits of the depth, the count, at most kManyTiles; 0: culled
     TileSpan* spans;
     std::uint32_t* counts;  ///< number of touched tiles; 0 = culled
 };
@@ -26,31 +40,36 @@ class CudaBinning {
     void take_temporaries(Carver& c);
 
     const CudaBinningInput& input() const { return input_; }
-    /// Sorts at most `room` instances, which is at most the capacity: so many are sorted, whether they exist or not. If
-    /// there are more, it writes none and sets control->stopped.
+    /// Sorts at most `room` instances, which is at most the capacity. If there are more, it writes none and sets
+    /// control->stopped.
     CudaBins build(const PackedSplat* splats, std::int64_t room, StepControl* control, cudaStream_t stream);
     /// Returns the order of the last build().
     const CudaBins& bins() const { return bins_; }
     SlotMap slots() const { return {order_, ends_}; }
-    std::int64_t bytes() const { return identity_.bytes(); }
 
   private:
+    /// What a sort counts and sums up, all 0 before it.
+    struct Counts {
+        std::uint32_t *depth_digits = nullptr, *tile_digits = nullptr;
+        ChunkSums chunk_sums;
+        std::uint32_t *depth_sums = nullptr, *tile_sums = nullptr;  ///< that blocks tell one another
+        std::size_t words = 0;
+    };
     template <class Key>
-    void sort_instances(const PackedSplat* splats, std::int64_t room, StepControl* control, cudaStream_t stream);
-    int tile_bits() const;
+    void sort_instances(const PackedSplat* splats, std::int64_t room, StepControl* control, const Counts& counts,
+                        cudaStream_t stream);
+    DigitPlan tile_plan() const;
+    Counts counts_for(std::int64_t instances) const;
 
     std::int64_t n_ = 0, capacity_ = 0;
     CudaBins bins_;
     bool keep_slots_ = false;
     CudaBinningInput input_{};
-    DeviceBuffer<std::uint32_t> identity_;  ///< 0, 1, 2, ...: the values to sort
-    uint2* large_ = nullptr;  ///< large Gaussians and their first instances; before that, sorted depth keys
-    // Tile keys hold 16-bit values where these suffice.
-    std::uint32_t *order_ = nullptr, *ends_ = nullptr, *unsorted_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr,
-                  *tile_offsets_ = nullptr, *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr;
+    uint2* large_ = nullptr;  ///< large Gaussians and their first instances; before that, pairs of the depth sort
+    std::uint32_t *order_ = nullptr, *ends_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr, *other_ = nullptr,
+                  *tile_offsets_ = nullptr, *counts_ = nullptr;
+    std::uint32_t* tile_keys_[2] = {};  ///< of 16 bits where these suffice
     TileItem* longest_first_ = nullptr;
-    unsigned char* workspace_ = nullptr;
-    std::size_t workspace_bytes_ = 0;
 };
 
 }  // namespace gs

@@ -52,7 +52,7 @@ __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const 
         out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
     }
     out.counts[i] = tiles.count;
-    out.depth_keys[i] = visible ? depth_key(depth) : kCulledKey;
+    out.depth_keys[i] = visible ? depth_key(depth) | min(tiles.count, kManyTiles) << kDepthKeyBits : 0;
 }
 
 /// The counts of a block, in its shared memory.

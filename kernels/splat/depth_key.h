@@ -10,8 +10,8 @@
 namespace gs {
 
 inline constexpr int kDepthKeyBits = 24;
-/// The key of culled Gaussians. It is larger than every other key, so they sort last.
-inline constexpr std::uint32_t kCulledKey = (1u << kDepthKeyBits) - 1;
+/// Keys are smaller than this.
+inline constexpr std::uint32_t kDepthKeyEnd = (1u << kDepthKeyBits) - 1;
 
 /// Turns a depth into a key of 24 bits. The bits of positive floats order like the floats, and depths between near and
 /// far do not need all 32. The lowest are dropped until 24 are left, which saves one of four passes of a radix sort.
@@ -22,7 +22,7 @@ struct DepthKey {
 
     static DepthKey of(float near_plane, float far_plane) {
         DepthKey k{bits(near_plane), 0};
-        while (((bits(far_plane) - k.near_bits) >> k.shift) >= kCulledKey) ++k.shift;
+        while (((bits(far_plane) - k.near_bits) >> k.shift) >= kDepthKeyEnd) ++k.shift;
         return k;
     }
     /// Returns the key of a depth in [near, far].

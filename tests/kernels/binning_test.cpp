@@ -77,7 +77,7 @@ template <class Key> std::vector<BinnedGaussian> random_binned(std::size_t n, st
 
 TEST(Binning, EqualsAStableComparisonSort) {
     TileBinning binning;  // one for all: what an earlier view left must not matter
-    const auto any_key = [](std::mt19937& rng) { return std::uint32_t(rng() % kCulledKey); };
+    const auto any_key = [](std::mt19937& rng) { return std::uint32_t(rng() % kDepthKeyEnd); };
     for (const int threads : {1, 3}) {
         set_num_threads(threads);
         for (const std::size_t n : {100000, 20000, 1025, 1024, 17, 1}) {
