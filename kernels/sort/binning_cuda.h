@@ -17,7 +17,7 @@ inline constexpr std::uint32_t kManyTiles = 0xff;
 /// The tiles that the Gaussians of a part of the depth order touch, from which their instances find their places. They
 /// are summed up while the order is written.
 struct ChunkSums {
-    static constexpr std::uint32_t kPairs = 512, kChunksOfGroup = 16;
+    static constexpr std::uint32_t kPairs = 512, kChunksOfGroup = 4;
 
     const std::uint32_t* tiles = nullptr;  ///< (n)
     std::uint32_t* of_chunks = nullptr;    ///< of kPairs Gaussians each, 0 before; null: no sums

@@ -53,7 +53,8 @@ __device__ inline void add_to_chunks(const ChunkSums& sums, std::uint32_t place,
 
 /// Sorts pairs by a digit. Each warp ranks its pairs 32 at a time; the block puts its pairs in order in shared memory,
 /// so that those of a digit are written side by side.
-template <class Key, int kBits, bool kCulls = false, bool kSums = false> __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
+template <class Key, int kBits, bool kCulls = false, bool kSums = false>
+__global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     constexpr int kDigits = 1 << kBits, kWarps = kSweepBlock / 32;
     static_assert(kDigits <= kSweepBlock);
     __shared__ union {
@@ -98,8 +99,8 @@ template <class Key, int kBits, bool kCulls = false, bool kSums = false> __globa
     }
 #pragma unroll
     for (int i = 0; i < kSweepItems; ++i)
-        place[i] = __shfl_sync(~0u, place[i], peers[i] ? 31 - __clz(peers[i]) : 0) +
-                   __popc(peers[i] & ((1u << lane) - 1));
+        place[i] =
+            __shfl_sync(~0u, place[i], peers[i] ? 31 - __clz(peers[i]) : 0) + __popc(peers[i] & ((1u << lane) - 1));
     __syncthreads();
 
     // One thread a digit: where it begins in each warp, in the block and in the list.
@@ -133,8 +134,7 @@ template <class Key, int kBits, bool kCulls = false, bool kSums = false> __globa
     }
     const std::uint32_t before = look_back<kDigits>(a.sums, found);
     if (digit < kDigits) {
-        if (blockIdx.x > 0)
-            publish_sum(&a.sums[std::size_t(blockIdx.x) * kDigits + digit], before + in_block, true);
+        if (blockIdx.x > 0) publish_sum(&a.sums[std::size_t(blockIdx.x) * kDigits + digit], before + in_block, true);
         to_all[digit] = all_begin + before - block_begin;
 #pragma unroll
         for (int w = 0; w < kWarps; ++w) shared.counts[w][digit] += block_begin;

@@ -23,8 +23,7 @@ template <class Key> std::vector<std::uint32_t> sorted_positions(const std::vect
     return order;
 }
 
-template <class Key>
-void expect_sorted(const std::vector<Key>& keys, int bits, std::int64_t room, Key least = Key(0)) {
+template <class Key> void expect_sorted(const std::vector<Key>& keys, int bits, std::int64_t room, Key least = Key(0)) {
     const std::vector<std::uint32_t> order = sorted_positions(keys, bits, least);
     const SortedOnDevice<Key> sorted = sort_on_device(keys, bits, least, room);
     ASSERT_EQ(sorted.values, order) << keys.size() << " keys of " << bits << " bits";
@@ -96,7 +95,7 @@ class GpuDepthSort : public Gpu {
         ASSERT_EQ(sorted.values, order);
         std::vector<std::uint32_t> chunks(sorted.chunk_sums.size()), groups(sorted.group_sums.size());
         for (std::size_t k = 0; k < order.size(); ++k)
-            chunks[k / 512] += tiles[order[k]], groups[k / 8192] += tiles[order[k]];
+            chunks[k / 512] += tiles[order[k]], groups[k / 2048] += tiles[order[k]];
         ASSERT_EQ(sorted.chunk_sums, chunks);
         ASSERT_EQ(sorted.group_sums, groups);
     }
@@ -110,7 +109,8 @@ TEST_F(GpuDepthSort, LeavesOutCulledGaussiansAndAddsUpTiles) {
             const std::vector<std::uint32_t> depths = random_keys<std::uint32_t>(n, kBits);
             std::vector<std::uint32_t> tiles(depths.size());
             for (std::uint32_t& t : tiles)
-                if (std::uniform_real_distribution<>()(rng) < visible) t = rng() % 16 ? 1 + rng() % 8 : 200 + rng() % 500;
+                if (std::uniform_real_distribution<>()(rng) < visible)
+                    t = rng() % 16 ? 1 + rng() % 8 : 200 + rng() % 500;
             expect_order_and_sums(depths, tiles);
         }
     }
