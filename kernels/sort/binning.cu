@@ -45,7 +45,7 @@ template <int kThreads> struct DigitCounts {
             if (counts[c]) atomicAdd(&all[c], counts[c]);
     }
 };
-constexpr int kMostCounts = 4 * 256;
+constexpr int kMostCounts = 4 * 256;  ///< of four passes by 8 bits
 
 /// Writes the instances of a block's Gaussians in depth order. Those with more than 32 candidate tiles, which come
 /// together in depth order, are left for write_large_instances.
@@ -153,7 +153,7 @@ __global__ void __launch_bounds__(kBlock)
                       std::uint32_t* __restrict__ offsets) {
     const std::uint32_t first = (blockIdx.x * kBlock + threadIdx.x) * kKeysOfThread, n = num_instances();
     if (first > n) return;
-    const auto tile = [&](std::uint32_t i) { return i < n ? std::uint32_t(tiles[i]) : num_tiles; };
+    const auto tile = [&](std::uint32_t i) { return i < n ? min(std::uint32_t(tiles[i]), num_tiles) : num_tiles; };
     std::uint32_t found[kKeysOfThread], next = first > 0 ? tile(first - 1) + 1 : 0;
 #pragma unroll
     for (int u = 0; u < kKeysOfThread; ++u) found[u] = tile(first + u);

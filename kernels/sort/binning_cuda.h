@@ -15,7 +15,8 @@ namespace gs {
 inline constexpr std::uint32_t kManyTiles = 0xff;
 
 /// The tiles that the Gaussians of a part of the depth order touch, from which their instances find their places. They
-/// are summed up while the order is written.
+/// are summed up while the order is written. In larger groups more atomics wait for one address; smaller ones are more
+/// words for each block to add up.
 struct ChunkSums {
     static constexpr std::uint32_t kPairs = 512, kChunksOfGroup = 4;
 

@@ -7,7 +7,7 @@
 
 namespace gs {
 
-inline constexpr int kSweepBlock = 256, kSweepItems = 16, kSweepTile = kSweepBlock * kSweepItems;
+inline constexpr int kSweepBlock = 256, kSweepItems = 16, kSweepPairs = kSweepBlock * kSweepItems;
 
 /// The passes of a sort.
 struct DigitPlan {
@@ -21,7 +21,7 @@ struct DigitPlan {
     /// Returns the number of counts of all passes.
     constexpr int counts() const { return passes << bits; }
     /// Returns the number of words by which the blocks of one pass tell one another their sums.
-    std::size_t sums(std::int64_t pairs) const { return std::size_t((pairs + kSweepTile - 1) / kSweepTile) << bits; }
+    std::size_t sums(std::int64_t pairs) const { return std::size_t((pairs + kSweepPairs - 1) / kSweepPairs) << bits; }
 };
 
 }  // namespace gs

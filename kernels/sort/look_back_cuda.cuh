@@ -7,8 +7,12 @@
 
 namespace gs {
 
+// A block waits for those before it. Blocks start in the order of their indices, so these run or have ended; and no
+// block waits before it has told its own sum.
+//
 // A word is 0 while nothing is known of its block. With the top bit set, the rest is the block's own sum. Otherwise it
-// is 1 more than the sum over all blocks up to this one. So sums are at most 2^31 - 2.
+// is 1 more than the sum over all blocks up to this one. A sum of 2^31 - 1, the most that there can be, does not fit,
+// but only the last block has it, whose word nobody reads.
 
 /// Tells the blocks behind this one its own sum, or the sum over all blocks up to it.
 __device__ inline void publish_sum(std::uint32_t* word, std::uint32_t sum, bool over_all) {

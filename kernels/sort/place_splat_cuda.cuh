@@ -52,7 +52,9 @@ __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const 
         out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
     }
     out.counts[i] = tiles.count;
-    out.depth_keys[i] = visible ? depth_key(depth) | min(tiles.count, kManyTiles) << kDepthKeyBits : 0;
+    // A depth that another kernel computed may be rounded to the wrong side of near; its key must not reach the tiles.
+    out.depth_keys[i] =
+        visible ? min(depth_key(depth), kDepthKeyEnd) | min(tiles.count, kManyTiles) << kDepthKeyBits : 0;
 }
 
 /// The counts of a block, in its shared memory.

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // A stable radix sort of keys and values in as many kernels as it has digits (Adinets and Merrill 2022, "Onesweep").
-// Beside CUB's sort, it takes the number of pairs from the device, leaves culled pairs out, and needs neither fills nor
-// counts of its own, for which a short list waits longer than for its passes (docs/results.md).
+// Unlike CUB's, it takes the number of pairs from the device, leaves culled pairs out, and has the digits counted and
+// all sums zeroed by its caller, who does so once for both sorts: a short list waits longer for such kernels than for
+// the passes (docs/results.md#the-sort-in-passes-of-its-own).
 #pragma once
+
+#include <cassert>
 
 #include "kernels/sort/binning_cuda.h"
 #include "kernels/sort/look_back_cuda.cuh"
@@ -37,8 +40,8 @@ template <class Key> struct Sweep {
     ChunkSums chunk_sums;
 };
 
-/// Adds a warp's tiles to the chunks of their places, which do not fall from lane to lane. Lanes without a pair have no
-/// tiles, and the place of the lane before them or a larger one.
+/// Adds the tiles of each lane's Gaussian to the sum of the chunk in which its place lies. Places do not fall from lane
+/// to lane; lanes without a Gaussian have the largest one and no tiles.
 __device__ inline void add_to_chunks(const ChunkSums& sums, std::uint32_t place, std::uint32_t tiles) {
     const std::uint32_t lane = threadIdx.x & 31, chunk = place / ChunkSums::kPairs;
     const std::uint32_t next = __shfl_down_sync(~0u, chunk, 1), up_to = inclusive_sum(tiles);
@@ -60,18 +63,18 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     __shared__ union {
         std::uint32_t counts[kWarps][kDigits];
         struct {
-            std::uint32_t values[kSweepTile];
-            Key keys[kSweepTile];
+            std::uint32_t values[kSweepPairs];
+            Key keys[kSweepPairs];
         } sorted;
     } shared;
     __shared__ std::uint32_t to_all[kDigits], warp_sums[2][kWarps];
     __shared__ uint4 found[kSweepBlock];
     const std::uint32_t n = a.num_pairs(), lane = threadIdx.x & 31, warp = threadIdx.x / 32, digit = threadIdx.x;
-    if (std::uint64_t(blockIdx.x) * kSweepTile >= n) return;
+    if (std::uint64_t(blockIdx.x) * kSweepPairs >= n) return;
     const auto digit_of = [&](std::uint32_t key) { return key >> a.shift & (kDigits - 1); };
 
     // A thread has every 32nd of its warp's pairs. `left` are the pairs from its first one on.
-    const std::uint32_t first = blockIdx.x * kSweepTile + warp * (32 * kSweepItems) + lane;
+    const std::uint32_t first = blockIdx.x * kSweepPairs + warp * (32 * kSweepItems) + lane;
     const int left = int(n - first);
     const Key* const keys = a.keys + first;
     std::uint32_t key[kSweepItems], place[kSweepItems], peers[kSweepItems];
@@ -80,8 +83,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     const std::uint32_t in_all = digit < kDigits ? a.counts[digit] : 0;
     const auto is_kept = [&](int i) { return 32 * i < left && (!kCulls || key[i] >= a.least); };
 
-    // The lanes that have a pair of the same digit, and how many such pairs the warp has before. Atomics of one warp
-    // take place in their order.
+    // The lanes that have a pair of the same digit, and how many such pairs the warp has before.
     for (int d = int(lane); d < kDigits; d += 32) shared.counts[warp][d] = 0;
     __syncwarp();
 #pragma unroll
@@ -96,6 +98,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
         place[i] = 0;
         const bool is_last = peers[i] >> lane == 1;
         if (is_kept(i) && is_last) place[i] = atomicAdd(&shared.counts[warp][d], __popc(peers[i]));
+        __syncwarp();  // the next pairs are counted after these
     }
 #pragma unroll
     for (int i = 0; i < kSweepItems; ++i)
@@ -173,15 +176,18 @@ template <class Key> struct RadixPairs {
     std::uint32_t* values[2];
 };
 
-/// Sorts pairs by the lower bits of their keys, as the plan has them. values[0] is not read where the values are
-/// positions; keys are not written by the last pass where nobody needs them. counts: (passes, digits), of the keys that
-/// are kept. sums: plan.sums(num.most) words for each pass, which are 0. Of 32-bit keys, pairs with keys below `least`
-/// are left out, and num_kept says how many there are after that; the last pass adds up chunk_sums.
+/// Sorts pairs by the lower bits of their keys, as the plan has them. keys[0] is overwritten. The first pass does not
+/// read values[0] where the values are positions; the last pass does not write keys where nobody needs them. counts:
+/// (passes, digits), of the keys that are kept. sums: plan.sums(num.most) words for each pass, which are 0. Of 32-bit
+/// keys, which must have digits of 8 bits and two passes or more, pairs with keys below `least` are left out by the
+/// first pass, and num_kept says how many there are after that; the last pass adds up chunk_sums. Shorter keys are all
+/// kept.
 template <class Key>
 void sort_pairs(const DigitPlan& plan, const RadixPairs<Key>& pairs, bool from_positions, bool keys_needed,
                 const std::uint32_t* counts, std::uint32_t* sums, const NumPairs& num, const NumPairs& num_kept,
                 std::uint32_t least, const ChunkSums& chunk_sums, cudaStream_t stream) {
     if (num.most == 0) return;
+    assert(sizeof(Key) == 2 ? least == 0 && !chunk_sums.of_chunks : plan.bits == 8 && plan.passes > 1);
     for (int p = 0; p < plan.passes; ++p) {
         const int from = p % 2, to = 1 - from;
         const bool is_last = p + 1 == plan.passes;
@@ -203,7 +209,7 @@ void sort_pairs(const DigitPlan& plan, const RadixPairs<Key>& pairs, bool from_p
                 return is_last && chunk_sums.of_chunks ? &sweep_digit<Key, 8, false, true> : &sweep_digit<Key, 8>;
             }
         }();
-        kernel<<<num_blocks(num.most, kSweepTile), kSweepBlock, 0, stream>>>(pass);
+        kernel<<<num_blocks(num.most, kSweepPairs), kSweepBlock, 0, stream>>>(pass);
         GS_CUDA_LAUNCHED("sweep_digit");
     }
 }

@@ -10,7 +10,7 @@
 namespace gs {
 
 inline constexpr int kDepthKeyBits = 24;
-/// Keys are smaller than this.
+/// Keys of depths between near and far are smaller than this, which fits into the bits, too.
 inline constexpr std::uint32_t kDepthKeyEnd = (1u << kDepthKeyBits) - 1;
 
 /// Turns a depth into a key of 24 bits. The bits of positive floats order like the floats, and depths between near and

@@ -23,9 +23,9 @@ template <class Key> std::vector<std::uint32_t> sorted_positions(const std::vect
     return order;
 }
 
-template <class Key> void expect_sorted(const std::vector<Key>& keys, int bits, std::int64_t room, Key least = Key(0)) {
-    const std::vector<std::uint32_t> order = sorted_positions(keys, bits, least);
-    const SortedOnDevice<Key> sorted = sort_on_device(keys, bits, least, room);
+template <class Key> void expect_sorted(const std::vector<Key>& keys, int bits, std::int64_t room) {
+    const std::vector<std::uint32_t> order = sorted_positions(keys, bits, Key(0));
+    const SortedOnDevice<Key> sorted = sort_on_device(keys, bits, 0, room);
     ASSERT_EQ(sorted.values, order) << keys.size() << " keys of " << bits << " bits";
     for (std::size_t k = 0; k < order.size(); ++k) ASSERT_EQ(sorted.keys[k], keys[order[k]]) << k;
 }
@@ -76,6 +76,13 @@ TEST_F(GpuSort, KeysInOrderAndBackwards) {
     expect_sorted(keys, 24, 300'000);
 }
 
+TEST_F(GpuSort, MorePairsThanThereIsRoomForAreNotTouched) {
+    const std::vector<std::uint16_t> keys(10'000, 3);
+    for (const std::int64_t room : {1, 4096, 9'999})
+        EXPECT_EQ(sort_on_device(keys, 14, 0, room).values,
+                  std::vector<std::uint32_t>(std::size_t(room), kUntouchedValue));
+}
+
 /// Keys as preprocessing writes them: 24 bits of depth, and above them tiles; 0 for culled Gaussians.
 class GpuDepthSort : public Gpu {
   protected:
@@ -95,7 +102,7 @@ class GpuDepthSort : public Gpu {
         ASSERT_EQ(sorted.values, order);
         std::vector<std::uint32_t> chunks(sorted.chunk_sums.size()), groups(sorted.group_sums.size());
         for (std::size_t k = 0; k < order.size(); ++k)
-            chunks[k / 512] += tiles[order[k]], groups[k / 2048] += tiles[order[k]];
+            chunks[k / kPairsOfChunk] += tiles[order[k]], groups[k / kPairsOfGroup] += tiles[order[k]];
         ASSERT_EQ(sorted.chunk_sums, chunks);
         ASSERT_EQ(sorted.group_sums, groups);
     }

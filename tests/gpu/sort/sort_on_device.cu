@@ -8,6 +8,9 @@
 
 namespace gs::test {
 
+static_assert(kPairsOfChunk == ChunkSums::kPairs);
+static_assert(kPairsOfGroup == ChunkSums::kPairs * ChunkSums::kChunksOfGroup);
+
 template <class Key>
 SortedOnDevice<Key> sort_on_device(const std::vector<Key>& keys, int bits, std::uint32_t least, std::int64_t room,
                                    const std::vector<std::uint32_t>& tiles) {
@@ -31,13 +34,15 @@ SortedOnDevice<Key> sort_on_device(const std::vector<Key>& keys, int bits, std::
     std::vector<Key> padded_keys = keys;
     padded_keys.resize(std::size_t(room), Key(1));  // what lies behind the pairs is not read
     device_keys[0].upload(padded_keys), device_counts.upload(counts);
-    device_keys[1].reserve(room), values[0].reserve(room), values[1].reserve(room);
+    device_keys[1].reserve(room);
+    for (auto& v : values) GS_CUDA(cudaMemset(v.reserve(room), 0xff, std::size_t(room) * sizeof(std::uint32_t)));
     const std::size_t words = std::max<std::size_t>(plan.passes * plan.sums(room), 1);
     GS_CUDA(cudaMemset(sums.reserve(words), 0, words * sizeof(std::uint32_t)));
 
-    // The first pass takes all pairs, the others those that are kept.
-    const NumPairs all{NumPairs::kInstances, std::uint32_t(room), control.get()};
-    const NumPairs visible{NumPairs::kVisible, std::uint32_t(room), control.get()};
+    // As for depths and for instances.
+    const bool culls = least > 0;
+    const NumPairs all{culls ? NumPairs::kAll : NumPairs::kInstances, std::uint32_t(room), control.get()};
+    const NumPairs kept_pairs{culls ? NumPairs::kVisible : NumPairs::kInstances, std::uint32_t(room), control.get()};
     const unsigned groups = num_blocks(room, ChunkSums::kPairs * ChunkSums::kChunksOfGroup);
     DeviceBuffer<std::uint32_t> device_tiles, chunk_sums;
     ChunkSums sums_of_tiles;
@@ -48,10 +53,12 @@ SortedOnDevice<Key> sort_on_device(const std::vector<Key>& keys, int bits, std::
         sums_of_tiles = {device_tiles.get(), chunk_sums.get(), chunk_sums.get() + chunks};
     }
     sort_pairs(plan, RadixPairs<Key>{{device_keys[0].get(), device_keys[1].get()}, {values[0].get(), values[1].get()}},
-               true, true, device_counts.get(), sums.get(), all, visible, least, sums_of_tiles, nullptr);
+               true, !culls, device_counts.get(), sums.get(), all, kept_pairs, least, sums_of_tiles, nullptr);
     GS_CUDA(cudaDeviceSynchronize());
     const int last = plan.passes % 2;
-    SortedOnDevice<Key> out{device_keys[last].download(kept), values[last].download(kept), {}, {}};
+    const std::int64_t sorted = std::min(kept, room);
+    SortedOnDevice<Key> out{{}, values[last].download(sorted), {}, {}};
+    if (!culls) out.keys = device_keys[last].download(sorted);
     if (!tiles.empty()) {
         out.chunk_sums = chunk_sums.download(groups * (ChunkSums::kChunksOfGroup + 1));
         out.group_sums.assign(out.chunk_sums.end() - groups, out.chunk_sums.end());
