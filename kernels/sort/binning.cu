@@ -21,9 +21,9 @@ template <class Key> struct InstanceLists {
     std::uint32_t* instances;     ///< (room): the Gaussian of each
     std::uint32_t* ends;          ///< (n) or null: in depth order, the end of each one's instances
     uint2* large;                 ///< (n): Gaussians with more than 32 candidate tiles, and the first instance of each
-    std::uint32_t* counts_of_digits;  ///< of the tile keys, 0 before
+    std::uint32_t* counts_of_digits;  ///< how many tile keys have each, 0 before
     DigitPlan plan;
-    ChunkSums sums;  ///< instances of a block's Gaussians, and of groups of blocks
+    ChunkSums sums;  ///< the instances of each block's Gaussians
 };
 
 /// Counts the digits of a block's keys in its shared memory. All threads of the block must call clear() and add_to().
@@ -45,7 +45,7 @@ template <int kThreads> struct DigitCounts {
             if (counts[c]) atomicAdd(&all[c], counts[c]);
     }
 };
-constexpr int kMostCounts = 4 * 256;  ///< of four passes by 8 bits
+constexpr int kMostCounts = 4 * 256;  ///< four passes by 8 bits
 
 /// Writes the instances of a block's Gaussians in depth order. Those with more than 32 candidate tiles, which come
 /// together in depth order, are left for write_large_instances.

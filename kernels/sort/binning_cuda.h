@@ -20,9 +20,9 @@ inline constexpr std::uint32_t kManyTiles = 0xff;
 struct ChunkSums {
     static constexpr std::uint32_t kPairs = 512, kChunksOfGroup = 4;
 
-    const std::uint32_t* tiles = nullptr;  ///< (n)
-    std::uint32_t* of_chunks = nullptr;    ///< of kPairs Gaussians each, 0 before; null: no sums
-    std::uint32_t* of_groups = nullptr;    ///< of kChunksOfGroup chunks each, 0 before
+    const std::uint32_t* tiles = nullptr;  ///< (n): those of each Gaussian
+    std::uint32_t* of_chunks = nullptr;    ///< one for kPairs Gaussians, 0 before; null: no sums
+    std::uint32_t* of_groups = nullptr;    ///< one for kChunksOfGroup chunks, 0 before
 };
 
 /// The arrays that preprocessing fills and binning sorts, (n) each.
