@@ -27,18 +27,20 @@ struct LossArgs {
 __device__ float component(unsigned char x) { return x * (1.0f / 255.0f); }
 __device__ float component(float x) { return x; }
 
-/// A thread's pixels: kCount of one column, in every `step`-th row. Those outside of the image count as 0.
-template <int kCount> class Column {
+/// A thread's pixels: kCount of one column, in every `step`-th row. Those outside of the image count as 0. Where the
+/// image has all of them (kInside), none is looked at.
+template <int kCount, bool kInside> class Column {
   public:
     __device__ Column(const LossArgs& a, int x, int y, int step)
-        : first_(std::int64_t(y) * a.in.target.width + x),
-          stride_(std::int64_t(step) * a.in.target.width),
+        : first_(y * a.in.target.width + x),
+          stride_(step * a.in.target.width),
           height_(a.in.target.height),
           step_(step),
           y_(x >= 0 && x < a.in.target.width ? y : INT_MIN / 2) {}
 
-    __device__ std::int64_t pixel(int u) const { return first_ + u * stride_; }
-    __device__ bool has(int u) const { return unsigned(y_ + u * step_) < unsigned(height_); }
+    /// Returns the place in a plane. Images have at most 2^29 pixels.
+    __device__ int pixel(int u) const { return first_ + u * stride_; }
+    __device__ bool has(int u) const { return kInside || unsigned(y_ + u * step_) < unsigned(height_); }
     /// Calls fn(u, pixel) for each pixel that the image has.
     template <class Fn> __device__ void for_each(Fn&& fn) const {
 #pragma unroll
@@ -47,39 +49,45 @@ template <int kCount> class Column {
     }
 
   private:
-    std::int64_t first_, stride_;
-    int height_, step_, y_;
+    int first_, stride_, height_, step_, y_;
 };
 
 /// How photographs are stored: the type of a component, and whether there is a fourth, alpha.
 template <class Component, bool kAlpha> struct Stored {
-    static constexpr int kChannels = kAlpha ? 4 : 3;
+    struct Texel {
+        Component color, alpha;
+    };
+
+    /// Returns channel c of a pixel, and its alpha.
+    __device__ static Texel load(const TargetImage& t, int pixel, int c) {
+        if constexpr (std::is_same_v<Component, float>) {
+            return {t.f32[pixel * (kAlpha ? std::int64_t(4) : 3) + c],
+                    kAlpha ? t.f32[pixel * std::int64_t(4) + 3] : 1.0f};
+        } else if constexpr (kAlpha) {
+            const unsigned word = reinterpret_cast<const unsigned*>(t.u8)[pixel];
+            return {Component(word >> 8 * c), Component(word >> 24)};
+        } else {
+            return {t.u8[pixel * 3 + c], 255};
+        }
+    }
 
     /// Weights and photograph at some pixels, all of whose loads are on their way before the first is waited for.
     template <int kCount> struct Targets {
         float weight[kCount], value[kCount];  ///< of channel c
 
-        __device__ Targets(const LossArgs& a, int c, const Column<kCount>& column) {
+        template <bool kInside> __device__ Targets(const LossArgs& a, int c, const Column<kCount, kInside>& column) {
             const TargetImage& t = a.in.target;
-            const Component* stored;
-            if constexpr (std::is_same_v<Component, float>)
-                stored = t.f32;
-            else
-                stored = t.u8;
-            Component color[kCount] = {}, alpha[kCount] = {};
-            column.for_each([&](int u, std::int64_t pixel) {
-                color[u] = stored[pixel * kChannels + c];
-                if (kAlpha) alpha[u] = stored[pixel * kChannels + 3];
-            });
+            Texel texels[kCount] = {};
+            column.for_each([&](int u, int pixel) { texels[u] = load(t, pixel, c); });
 #pragma unroll
             for (int u = 0; u < kCount; ++u) weight[u] = column.has(u) ? 1.0f : 0.0f;
-            if (t.mask) column.for_each([&](int u, std::int64_t pixel) { weight[u] = component(t.mask[pixel]); });
+            if (t.mask) column.for_each([&](int u, int pixel) { weight[u] = component(t.mask[pixel]); });
             const float background = c == 0 ? a.in.background.x : c == 1 ? a.in.background.y : a.in.background.z;
 #pragma unroll
             for (int u = 0; u < kCount; ++u) {
-                value[u] = component(color[u]);
+                value[u] = component(texels[u].color);
                 if (kAlpha) {
-                    const float x = component(alpha[u]);
+                    const float x = component(texels[u].alpha);
                     value[u] = fminf(fmaxf(x * value[u] + (1.0f - x) * background, 0.0f), 1.0f);
                 }
             }
@@ -95,22 +103,32 @@ template <class Fn> void with_storage(const TargetImage& target, Fn&& fn) {
         target.channels == 3 ? fn(Stored<float, false>{}) : fn(Stored<float, true>{});
 }
 
-/// A tile with its border is loaded by columns. Some threads have none, but none has to divide by the width of a tile.
-constexpr int kColumns = 64, kRowStep = kThreads / kColumns, kLoads = (kHalo + kRowStep - 1) / kRowStep;
+/// A tile with its border is loaded six rows at a time, with a thread for each column.
+constexpr int kRowStep = 6, kLoads = kHalo / kRowStep, kLoaders = kRowStep * kHalo;
+static_assert(kHalo % kRowStep == 0 && kLoaders <= kThreads);
 
-/// What this thread loads of a block's tile.
-struct TilePart {
-    int i = threadIdx.x % kColumns, j = threadIdx.x / kColumns;  ///< its column, and its first row
+/// The tile of a block, in one channel.
+struct Tile {
+    int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
 
-    __device__ Column<kLoads> pixels(const LossArgs& a, int x0, int y0) const {
-        return {a, i < kHalo ? x0 + i - kSsimRadius : -1, y0 + j - kSsimRadius, kRowStep};
+    /// Calls fn with whether the image has all pixels of the tile and its border, as a type. Most tiles are inside.
+    template <class Fn> __device__ void with_bounds(const LossArgs& a, Fn&& fn) const {
+        const bool inside = x0 >= kSsimRadius && y0 >= kSsimRadius && x0 + kTile + kSsimRadius <= a.in.target.width &&
+                            y0 + kTile + kSsimRadius <= a.in.target.height;
+        inside ? fn(std::true_type{}) : fn(std::false_type{});
     }
-    /// Calls fn(u, row) for all of them.
-    template <class Fn> __device__ void for_rows(Fn&& fn) const {
-        if (i >= kHalo) return;
-#pragma unroll
-        for (int u = 0; u < kLoads; ++u)
-            if (u < kLoads - 1 || j + u * kRowStep < kHalo) fn(u, j + u * kRowStep);
+    /// The threads that load call fn(pixels, column, row): what they load, and where the first of them lies in the
+    /// tile.
+    template <class Fn> __device__ void for_loads(const LossArgs& a, Fn&& fn) const {
+        if (threadIdx.x >= kLoaders) return;
+        const int i = threadIdx.x % kHalo, j = threadIdx.x / kHalo;
+        with_bounds(a, [&](auto inside) {
+            fn(Column<kLoads, inside.value>(a, x0 + i - kSsimRadius, y0 + j - kSsimRadius, kRowStep), i, j);
+        });
+    }
+    /// Each thread calls fn(pixels) with its pixels of the output, below each other from column i and row j on.
+    template <class Fn> __device__ void for_outputs(const LossArgs& a, int i, int j, Fn&& fn) const {
+        with_bounds(a, [&](auto inside) { fn(Column<kDown, inside.value>(a, x0 + i, y0 + j, 1)); });
     }
 };
 
@@ -146,18 +164,18 @@ __global__ void __launch_bounds__(kThreads, 4)
     ssim_maps(LossArgs a, float* __restrict__ maps, float2* __restrict__ partials) {
     __shared__ float2 tile[kHalo][kHalo + 1];  // render, target; the odd stride puts rows into different banks
     __shared__ float rows[5][kHalo][kTile + 1];
-    const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
+    const Tile block;
     const std::size_t plane = a.plane();
-    {
-        const TilePart part;
-        const Column<kLoads> pixels = part.pixels(a, x0, y0);
+    const float* image = a.in.image + block.c * plane;
+    block.for_loads(a, [&](const auto& pixels, int i, int j) {
         float render[kLoads] = {};
-        pixels.for_each([&](int u, std::int64_t pixel) { render[u] = a.in.image[c * plane + pixel]; });
-        const typename Storage::template Targets<kLoads> targets(a, c, pixels);
-        part.for_rows([&](int u, int j) {
-            tile[j][part.i] = make_float2(targets.weight[u] * render[u], targets.weight[u] * targets.value[u]);
-        });
-    }
+        pixels.for_each([&](int u, int pixel) { render[u] = image[pixel]; });
+        const typename Storage::template Targets<kLoads> targets(a, block.c, pixels);
+#pragma unroll
+        for (int u = 0; u < kLoads; ++u)
+            tile[j + u * kRowStep][i] =
+                make_float2(targets.weight[u] * render[u], targets.weight[u] * targets.value[u]);
+    });
     __syncthreads();
     if (threadIdx.x < kHalo * (kTile / kAcross)) {
         const int j = threadIdx.x % kHalo, i = threadIdx.x / kHalo * kAcross;
@@ -185,14 +203,16 @@ __global__ void __launch_bounds__(kThreads, 4)
 #pragma unroll
     for (int m = 0; m < 5; ++m) filter<kDown>(s[m], [&](int t) { return rows[m][first + t][i]; });
     float sum = 0;
-    Column<kDown>(a, x0 + i, y0 + first, 1).for_each([&](int o, std::int64_t pixel) {
-        const SsimPixel<float> p = ssim_pixel(s[0][o], s[1][o], s[2][o], s[3][o], s[4][o]);
-        const std::size_t at = c * plane + pixel;
-        const float w = a.in.target.mask ? component(a.in.target.mask[pixel]) : 1.0f, u = a.ssim_step * w;
-        maps[at] = u * p.p;
-        maps[at + 3 * plane] = u * p.q;
-        maps[at + 6 * plane] = u * p.r;
-        sum += w * p.ssim;
+    float *const p_map = maps + block.c * plane, *const q_map = p_map + 3 * plane, *const r_map = q_map + 3 * plane;
+    block.for_outputs(a, i, first, [&](const auto& pixels) {
+        pixels.for_each([&](int o, int pixel) {
+            const SsimPixel<float> p = ssim_pixel(s[0][o], s[1][o], s[2][o], s[3][o], s[4][o]);
+            const float w = a.in.target.mask ? component(a.in.target.mask[pixel]) : 1.0f, u = a.ssim_step * w;
+            p_map[pixel] = u * p.p;
+            q_map[pixel] = u * p.q;
+            r_map[pixel] = u * p.r;
+            sum += w * p.ssim;
+        });
     });
     sum = block_sum(sum);
     if (threadIdx.x == 0) partials[block_number()].y = sum;
@@ -230,20 +250,20 @@ __global__ void __launch_bounds__(kThreads, 4)
                   float2* __restrict__ partials, StepControl* control) {
     __shared__ float tile[3][kHalo][kHalo + 1];  // odd stride, as above
     __shared__ float rows[3][kHalo][kTile + 1];
-    const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
+    const Tile block;
     const std::size_t plane = a.plane();
-    {
-        const TilePart part;
+    block.for_loads(a, [&](const auto& pixels, int i, int j) {
         float v[3][kLoads] = {};
-        part.pixels(a, x0, y0).for_each([&](int u, std::int64_t pixel) {
 #pragma unroll
-            for (int m = 0; m < 3; ++m) v[m][u] = maps[(c + 3 * m) * plane + pixel];
-        });
-        part.for_rows([&](int u, int j) {
+        for (int m = 0; m < 3; ++m) {
+            const float* map = maps + (block.c + 3 * m) * plane;
+            pixels.for_each([&](int u, int pixel) { v[m][u] = map[pixel]; });
+        }
 #pragma unroll
-            for (int m = 0; m < 3; ++m) tile[m][j][part.i] = v[m][u];
-        });
-    }
+        for (int m = 0; m < 3; ++m)
+#pragma unroll
+            for (int u = 0; u < kLoads; ++u) tile[m][j + u * kRowStep][i] = v[m][u];
+    });
     __syncthreads();
     if (threadIdx.x < kHalo * (kTile / kAcross)) {
         const int j = threadIdx.x % kHalo, i = threadIdx.x / kHalo * kAcross;
@@ -260,15 +280,18 @@ __global__ void __launch_bounds__(kThreads, 4)
     float f[3][kDown];
 #pragma unroll
     for (int m = 0; m < 3; ++m) filter<kDown>(f[m], [&](int t) { return rows[m][first + t][i]; });
-    const Column<kDown> pixels(a, x0 + i, y0 + first, 1);
-    float render[kDown] = {}, sum = 0;
-    pixels.for_each([&](int o, std::int64_t pixel) { render[o] = a.in.image[c * plane + pixel]; });
-    const typename Storage::template Targets<kDown> targets(a, c, pixels);
-    pixels.for_each([&](int o, std::int64_t pixel) {
-        const float w = targets.weight[o], p = w * render[o], t = w * targets.value[o], d = p - t;
-        const float sign = d > 0 ? 1.0f : (d < 0 ? -1.0f : 0.0f);
-        sum += d * sign;
-        dL_dimage[c * plane + pixel] = w * (a.l1_step * sign + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
+    const float* image = a.in.image + block.c * plane;
+    float *const gradient = dL_dimage + block.c * plane, sum = 0;
+    block.for_outputs(a, i, first, [&](const auto& pixels) {
+        float render[kDown] = {};
+        pixels.for_each([&](int o, int pixel) { render[o] = image[pixel]; });
+        const typename Storage::template Targets<kDown> targets(a, block.c, pixels);
+        pixels.for_each([&](int o, int pixel) {
+            const float w = targets.weight[o], p = w * render[o], t = w * targets.value[o], d = p - t;
+            const float sign = d > 0 ? 1.0f : (d < 0 ? -1.0f : 0.0f);
+            sum += d * sign;
+            gradient[pixel] = w * (a.l1_step * sign + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
+        });
     });
     sum = block_sum(sum);
     if (threadIdx.x == 0) partials[block_number()].x = sum;
@@ -279,10 +302,10 @@ __global__ void __launch_bounds__(kThreads, 4)
 template <class Storage>
 __global__ void __launch_bounds__(kThreads) error_of_pixels(LossArgs a, float* __restrict__ out, double* error) {
     const int c = blockIdx.z;
-    const Column<1> pixels(a, blockIdx.x * kThreads + threadIdx.x, blockIdx.y, 1);
+    const Column<1, false> pixels(a, blockIdx.x * kThreads + threadIdx.x, blockIdx.y, 1);
     const typename Storage::template Targets<1> target(a, c, pixels);
     float squared = 0;
-    pixels.for_each([&](int, std::int64_t pixel) {
+    pixels.for_each([&](int, int pixel) {
         const std::size_t at = c * a.plane() + pixel;
         const float weight = target.weight[0], difference = a.in.image ? a.in.image[at] - target.value[0] : 1.0f;
         out[at] = weight * difference;
