@@ -144,52 +144,66 @@ __global__ void __launch_bounds__(kBlock)
     digits.add_to(lists.counts_of_digits);
 }
 
-/// Sets offsets[t] to the first instance of a tile >= t. A thread looks whether lists begin at some instances in a row;
-/// one place lies behind the last instance.
-constexpr int kKeysOfThread = 8;
-template <class Key>
-__global__ void __launch_bounds__(kBlock)
-    find_tile_offsets(NumPairs num_instances, const Key* __restrict__ tiles, std::uint32_t num_tiles,
-                      std::uint32_t* __restrict__ offsets) {
-    const std::uint32_t first = (blockIdx.x * kBlock + threadIdx.x) * kKeysOfThread, n = num_instances();
-    if (first > n) return;
-    const auto tile = [&](std::uint32_t i) { return i < n ? min(std::uint32_t(tiles[i]), num_tiles) : num_tiles; };
-    std::uint32_t found[kKeysOfThread], next = first > 0 ? tile(first - 1) + 1 : 0;
+/// Returns the largest x of the lanes from this one on.
+__device__ std::uint32_t suffix_max(std::uint32_t x) {
 #pragma unroll
-    for (int u = 0; u < kKeysOfThread; ++u) found[u] = tile(first + u);
-#pragma unroll
-    for (int u = 0; u < kKeysOfThread; ++u)
-        for (; next <= found[u]; ++next) offsets[next] = min(first + u, n);
+    for (int d = 1; d < 32; d *= 2) x = max(x, __shfl_down_sync(~0u, x, d));  // beyond the warp it is the lane's own
+    return x;
 }
 
-/// Lists the work on tiles by the time that it takes, in steps of 16 instances, with a counting sort in one block.
-constexpr int kOrderThreads = 1024, kLengths = 256;
+/// Sets offsets[t] to the first instance of a tile >= t, and lists the work on tiles by the time that it takes, in
+/// steps of 16 instances, with a counting sort. One block.
+constexpr int kOrderThreads = 1024, kLengths = 256, kTilesOfThread = 4;
 __global__ void __launch_bounds__(kOrderThreads)
-    order_tiles(std::uint32_t num_tiles, std::uint32_t num_items, const std::uint32_t* __restrict__ offsets,
+    order_tiles(NumPairs num_instances, KeyBegins begins, std::uint32_t num_items, std::uint32_t* __restrict__ offsets,
                 TileItem* __restrict__ longest_first) {
-    constexpr std::uint32_t kShortest = 256;  // is not worth three more blocks
-    __shared__ std::uint32_t place[kLengths], listed;
-    const std::uint32_t limit = max(offsets[num_tiles] / kMostQuartered, kShortest);
-    // Calls fn(tile, length) for the tiles of this thread, with several loads on their way at once.
-    const auto for_tiles = [&](auto fn) {
-        constexpr int kAtOnce = 8;
-        for (std::uint32_t first = threadIdx.x; first < num_tiles; first += kAtOnce * kOrderThreads) {
-            std::uint32_t begin[kAtOnce], end[kAtOnce];
-#pragma unroll
-            for (int u = 0; u < kAtOnce; ++u)
-                if (const std::uint32_t t = first + u * kOrderThreads; t < num_tiles)
-                    begin[u] = offsets[t], end[u] = offsets[t + 1];
-#pragma unroll
-            for (int u = 0; u < kAtOnce; ++u)
-                if (const std::uint32_t t = first + u * kOrderThreads; t < num_tiles) fn(t, end[u] - begin[u]);
-        }
+    constexpr std::uint32_t kWarps = kOrderThreads / 32, kStep = kOrderThreads * kTilesOfThread, kShortest = 256;
+    __shared__ std::uint32_t place[kLengths], listed, from_warp[kWarps + 1];
+    const std::uint32_t n = num_instances(), num_tiles = begins.most, lane = threadIdx.x & 31, warp = threadIdx.x / 32,
+                        limit = max(n / kMostQuartered, kShortest);  // a shorter one is not worth three more blocks
+    const auto bin = [&](std::uint32_t length) {
+        return kLengths - 1 - min((length > limit ? length / 2 : length) / 16, std::uint32_t(kLengths - 1));
     };
-    const auto bin = [&](std::uint32_t n) {
-        return kLengths - 1 - min((n > limit ? n / 2 : n) / 16, std::uint32_t(kLengths - 1));
+    // Returns where a list is put. Lanes whose lists are shortest, as those of empty tiles, ask together.
+    const auto put = [&](bool is_tile, std::uint32_t length) {
+        const bool is_shortest = is_tile && bin(length) == kLengths - 1;
+        const unsigned shortest = __ballot_sync(~0u, is_shortest), before = shortest & ((1u << lane) - 1);
+        std::uint32_t at = 0;
+        if (is_shortest ? !before : is_tile)
+            at = atomicAdd(&place[bin(length)], is_shortest ? __popc(shortest) : length > limit ? 4u : 1u);
+        const std::uint32_t of_first = __shfl_sync(~0u, at, shortest ? __ffs(shortest) - 1 : 0);
+        return is_shortest ? of_first + __popc(before) : at;
     };
     if (threadIdx.x < kLengths) place[threadIdx.x] = 0;
-    __syncthreads();
-    for_tiles([&](std::uint32_t, std::uint32_t n) { atomicAdd(&place[bin(n)], n > limit ? 4u : 1u); });
+    if (threadIdx.x == 0) from_warp[kWarps] = max(begins.words[num_tiles], ~n), offsets[num_tiles] = ~from_warp[kWarps];
+
+    // From the last tiles to the first: those of a thread lie side by side. Words are ~ of places, so that the largest
+    // is the first instance.
+    for (std::uint32_t step = (num_tiles + kStep - 1) / kStep; step-- > 0;) {
+        const std::uint32_t first = step * kStep + threadIdx.x * kTilesOfThread;
+        std::uint32_t word[kTilesOfThread + 1];
+#pragma unroll
+        for (int u = 0; u < kTilesOfThread; ++u) word[u] = first + u < num_tiles ? begins.words[first + u] : 0;
+#pragma unroll
+        for (int u = kTilesOfThread - 2; u >= 0; --u) word[u] = max(word[u], word[u + 1]);
+        const std::uint32_t of_lanes = suffix_max(word[0]);
+        __syncthreads();  // from_warp[kWarps] is known, and nobody reads the others any more
+        const std::uint32_t behind_step = from_warp[kWarps];
+        if (lane == 0) from_warp[warp] = of_lanes;
+        __syncthreads();
+        const std::uint32_t other = suffix_max(lane > warp ? from_warp[lane] : 0),
+                            next = __shfl_down_sync(~0u, of_lanes, 1);
+        word[kTilesOfThread] = max(max(lane < 31 ? next : 0, __shfl_sync(~0u, other, 0)), behind_step);
+#pragma unroll
+        for (int u = 0; u < kTilesOfThread; ++u) {
+            word[u] = max(word[u], word[kTilesOfThread]);
+            if (first + u < num_tiles) offsets[first + u] = ~word[u];
+        }
+#pragma unroll
+        for (int u = 0; u < kTilesOfThread; ++u) put(first + u < num_tiles, word[u] - word[u + 1]);
+        __syncthreads();
+        if (threadIdx.x == 0) from_warp[kWarps] = word[0];
+    }
     __syncthreads();
     if (threadIdx.x < 32) {  // exclusive scan by one warp, eight bins a lane
         std::uint32_t own[kLengths / 32], sum = 0;
@@ -200,13 +214,23 @@ __global__ void __launch_bounds__(kOrderThreads)
         for (int k = 0; k < kLengths / 32; ++k) place[threadIdx.x * (kLengths / 32) + k] = before, before += own[k];
     }
     __syncthreads();
-    for_tiles([&](std::uint32_t t, std::uint32_t n) {
-        const std::uint32_t at = atomicAdd(&place[bin(n)], n > limit ? 4u : 1u);
-        if (n > limit)
-            for (int k = 0; k < 4; ++k) longest_first[at + k] = TileItem::part(t, k);
-        else
-            longest_first[at] = TileItem::whole(t);
-    });
+    for (std::uint32_t first = threadIdx.x; first - threadIdx.x < num_tiles; first += kStep) {
+        std::uint32_t begin[kTilesOfThread], end[kTilesOfThread];
+#pragma unroll
+        for (int u = 0; u < kTilesOfThread; ++u)
+            if (const std::uint32_t t = first + u * kOrderThreads; t < num_tiles)
+                begin[u] = offsets[t], end[u] = offsets[t + 1];
+#pragma unroll
+        for (int u = 0; u < kTilesOfThread; ++u) {
+            const std::uint32_t t = first + u * kOrderThreads, length = t < num_tiles ? end[u] - begin[u] : 0,
+                                at = put(t < num_tiles, length);
+            if (t >= num_tiles) continue;
+            if (length > limit)
+                for (int k = 0; k < 4; ++k) longest_first[at + k] = TileItem::part(t, k);
+            else
+                longest_first[at] = TileItem::whole(t);
+        }
+    }
     for (std::uint32_t k = listed + threadIdx.x; k < num_items; k += kOrderThreads) longest_first[k] = {};
 }
 
@@ -283,6 +307,7 @@ CudaBinning::Counts CudaBinning::counts_for(std::int64_t instances) const {
     const unsigned groups = num_blocks(n_, ChunkSums::kPairs * ChunkSums::kChunksOfGroup);
     c.depth_digits = take(kDepthPlan.counts()), c.tile_digits = take(tiles.counts());
     c.chunk_sums = {input_.counts, take(groups * ChunkSums::kChunksOfGroup), take(groups)};
+    c.tile_begins = take(bins_.num_tiles() + 1);
     c.depth_sums = take(kDepthPlan.passes * kDepthPlan.sums(n_));
     c.tile_sums = take(tiles.passes * tiles.sums(instances));
     return c;
@@ -308,20 +333,18 @@ void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, S
                                    counts.tile_digits,
                                    plan,
                                    counts.chunk_sums};
+    const KeyBegins begins{counts.tile_begins, std::uint32_t(bins_.num_tiles())};
     const NumPairs num_instances{NumPairs::kInstances, std::uint32_t(room), control};
     if (n_ > 0) {
         write_instances<Key><<<num_blocks(n_, kWriteBlock), kWriteBlock, 0, stream>>>(lists, bins_.tiles_x, control);
         GS_CUDA_LAUNCHED("write_instances");
         write_large_instances<Key><<<kManyBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control);
         GS_CUDA_LAUNCHED("write_large_instances");
-        sort_pairs(plan, pairs, keep_slots_, true, counts.tile_digits, counts.tile_sums, num_instances, num_instances,
-                   0, {}, stream);
+        sort_pairs(plan, pairs, keep_slots_, counts.tile_digits, counts.tile_sums, num_instances, num_instances,
+                   {.begins = begins}, stream);
     }
-    const Key* keys = pairs.keys[plan.passes % 2];
-    find_tile_offsets<Key><<<num_blocks(room + 1, kBlock * kKeysOfThread), kBlock, 0, stream>>>(
-        num_instances, keys, bins_.num_tiles(), tile_offsets_);
-    GS_CUDA_LAUNCHED("find_tile_offsets");
-    order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), bins_.num_items(), tile_offsets_, longest_first_);
+    order_tiles<<<1, kOrderThreads, 0, stream>>>(num_instances, begins, bins_.num_items(), tile_offsets_,
+                                                 longest_first_);
     GS_CUDA_LAUNCHED("order_tiles");
 }
 
@@ -336,9 +359,9 @@ CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, StepCo
         std::uint32_t *keys = reinterpret_cast<std::uint32_t*>(large_), *values = keys + n_;
         const RadixPairs<std::uint32_t> pairs{{input_.depth_keys, keys}, {values, order_}};
         static_assert(kDepthPlan.passes % 2 == 1);
-        sort_pairs(kDepthPlan, pairs, true, false, counts.depth_digits, counts.depth_sums,
+        sort_pairs(kDepthPlan, pairs, true, counts.depth_digits, counts.depth_sums,
                    {NumPairs::kAll, std::uint32_t(n_), control}, {NumPairs::kVisible, std::uint32_t(n_), control},
-                   kLeastVisible, counts.chunk_sums, stream);
+                   {.least = kLeastVisible, .chunk_sums = counts.chunk_sums}, stream);
     }
     if (tile_plan().passes == 2)
         sort_instances<std::uint16_t>(splats, room, control, counts, stream);

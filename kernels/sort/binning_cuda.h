@@ -53,6 +53,7 @@ class CudaBinning {
     struct Counts {
         std::uint32_t *depth_digits = nullptr, *tile_digits = nullptr;
         ChunkSums chunk_sums;
+        std::uint32_t* tile_begins = nullptr;                       ///< (tiles+1), ~ of the first instance of each
         std::uint32_t *depth_sums = nullptr, *tile_sums = nullptr;  ///< that blocks tell one another
         std::size_t words = 0;
     };

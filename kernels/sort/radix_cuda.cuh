@@ -26,6 +26,15 @@ struct NumPairs {
     }
 };
 
+/// Where the pairs of each key begin in the sorted list, which the last pass notes while it writes.
+struct KeyBegins {
+    std::uint32_t* words = nullptr;  ///< (most + 1), 0 before: ~ of the place of the first pair, 0 where there is none
+    std::uint32_t most = 0;          ///< larger keys count as this one
+};
+
+/// What passes do beside sorting.
+enum class SweepTask { kSort, kCull, kAddUpTiles, kNoteBegins };
+
 /// A pass by one digit.
 template <class Key> struct Sweep {
     NumPairs num_pairs;
@@ -35,33 +44,30 @@ template <class Key> struct Sweep {
     std::uint32_t* sorted_values;
     const std::uint32_t* counts;  ///< (digits): the pairs with each digit
     std::uint32_t* sums;          ///< (blocks, digits), 0 before: for look_back()
-    std::uint32_t least;          ///< pairs with smaller keys are left out
     int shift;
+    std::uint32_t least;  ///< kCull: pairs with smaller keys are left out
     ChunkSums chunk_sums;
+    KeyBegins begins;
 };
 
-/// Adds the tiles of each lane's Gaussian to the sum of the chunk in which its place lies. Places do not fall from lane
-/// to lane; lanes without a Gaussian have the largest one and no tiles.
-__device__ inline void add_to_chunks(const ChunkSums& sums, std::uint32_t place, std::uint32_t tiles) {
-    const std::uint32_t lane = threadIdx.x & 31, chunk = place / ChunkSums::kPairs;
-    const std::uint32_t next = __shfl_down_sync(~0u, chunk, 1), up_to = inclusive_sum(tiles);
+/// Returns the sum of the tiles of a lane's Gaussian and of those before it in its chunk, if it is the warp's last one
+/// of that chunk, otherwise 0. Chunks do not fall from lane to lane.
+__device__ inline std::uint32_t tiles_of_chunk(std::uint32_t chunk, std::uint32_t tiles) {
+    const std::uint32_t lane = threadIdx.x & 31, next = __shfl_down_sync(~0u, chunk, 1), up_to = inclusive_sum(tiles);
     const bool is_last = lane == 31 || next != chunk;
     const unsigned before = __ballot_sync(~0u, is_last) & ((1u << lane) - 1);  // the ends of chunks before
     const std::uint32_t up_to_before = __shfl_sync(~0u, up_to, before ? 31 - __clz(before) : 0);
-    const std::uint32_t sum = up_to - (before ? up_to_before : 0);
-    if (!is_last || sum == 0) return;
-    atomicAdd(&sums.of_chunks[chunk], sum);
-    atomicAdd(&sums.of_groups[chunk / ChunkSums::kChunksOfGroup], sum);
+    return is_last ? up_to - (before ? up_to_before : 0) : 0;
 }
 
 /// Sorts pairs by a digit. Each warp ranks its pairs 32 at a time; the block puts its pairs in order in shared memory,
 /// so that those of a digit are written side by side.
-template <class Key, int kBits, bool kCulls = false, bool kSums = false>
+template <class Key, int kBits, SweepTask kTask>
 __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     constexpr int kDigits = 1 << kBits, kWarps = kSweepBlock / 32;
     static_assert(kDigits <= kSweepBlock);
     __shared__ union {
-        std::uint32_t counts[kWarps][kDigits];
+        uint2 ranked[kWarps][kDigits];  // lanes that have a pair of this digit now, and pairs that the warp had before
         struct {
             std::uint32_t values[kSweepPairs];
             Key keys[kSweepPairs];
@@ -77,33 +83,27 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     const std::uint32_t first = blockIdx.x * kSweepPairs + warp * (32 * kSweepItems) + lane;
     const int left = int(n - first);
     const Key* const keys = a.keys + first;
-    std::uint32_t key[kSweepItems], place[kSweepItems], peers[kSweepItems];
+    std::uint32_t key[kSweepItems], place[kSweepItems];
 #pragma unroll
     for (int i = 0; i < kSweepItems; ++i) key[i] = 32 * i < left ? keys[32 * i] : 0;
     const std::uint32_t in_all = digit < kDigits ? a.counts[digit] : 0;
-    const auto is_kept = [&](int i) { return 32 * i < left && (!kCulls || key[i] >= a.least); };
+    const auto is_kept = [&](int i) { return 32 * i < left && (kTask != SweepTask::kCull || key[i] >= a.least); };
 
-    // The lanes that have a pair of the same digit, and how many such pairs the warp has before.
-    for (int d = int(lane); d < kDigits; d += 32) shared.counts[warp][d] = 0;
+    // Votes on each bit of a digit would find its lanes, too, but a multiprocessor takes a vote every fourth cycle.
+    for (int d = int(lane); d < kDigits; d += 32) shared.ranked[warp][d] = make_uint2(0, 0);
     __syncwarp();
 #pragma unroll
     for (int i = 0; i < kSweepItems; ++i) {
-        const std::uint32_t d = digit_of(key[i]);
-        peers[i] = __ballot_sync(~0u, is_kept(i));
-#pragma unroll
-        for (int b = 0; b < kBits; ++b) {
-            const unsigned ones = __ballot_sync(~0u, d >> b & 1);
-            peers[i] &= d >> b & 1 ? ones : ~ones;
-        }
-        place[i] = 0;
-        const bool is_last = peers[i] >> lane == 1;
-        if (is_kept(i) && is_last) place[i] = atomicAdd(&shared.counts[warp][d], __popc(peers[i]));
-        __syncwarp();  // the next pairs are counted after these
+        uint2& ranked = shared.ranked[warp][digit_of(key[i])];
+        if (is_kept(i)) atomicOr(&ranked.x, 1u << lane);
+        __syncwarp();
+        const uint2 now = ranked;
+        place[i] = now.y + __popc(now.x & ((1u << lane) - 1));
+        __syncwarp();
+        const bool is_last = now.x >> lane == 1;
+        if (is_kept(i) && is_last) ranked = make_uint2(0, now.y + __popc(now.x));
+        __syncwarp();
     }
-#pragma unroll
-    for (int i = 0; i < kSweepItems; ++i)
-        place[i] =
-            __shfl_sync(~0u, place[i], peers[i] ? 31 - __clz(peers[i]) : 0) + __popc(peers[i] & ((1u << lane) - 1));
     __syncthreads();
 
     // One thread a digit: where it begins in each warp, in the block and in the list.
@@ -111,8 +111,9 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     if (digit < kDigits) {
 #pragma unroll
         for (int w = 0; w < kWarps; ++w) {
-            const std::uint32_t in_warp = shared.counts[w][digit];
-            shared.counts[w][digit] = in_block;
+            std::uint32_t& begin = shared.ranked[w][digit].y;
+            const std::uint32_t in_warp = begin;
+            begin = in_block;
             in_block += in_warp;
         }
         publish_sum(&a.sums[std::size_t(blockIdx.x) * kDigits + digit], in_block, blockIdx.x == 0);
@@ -140,33 +141,46 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
         if (blockIdx.x > 0) publish_sum(&a.sums[std::size_t(blockIdx.x) * kDigits + digit], before + in_block, true);
         to_all[digit] = all_begin + before - block_begin;
 #pragma unroll
-        for (int w = 0; w < kWarps; ++w) shared.counts[w][digit] += block_begin;
+        for (int w = 0; w < kWarps; ++w) shared.ranked[w][digit].y += block_begin;
     }
     __syncthreads();
 
 #pragma unroll
-    for (int i = 0; i < kSweepItems; ++i) place[i] += shared.counts[warp][digit_of(key[i])];
+    for (int i = 0; i < kSweepItems; ++i) place[i] += shared.ranked[warp][digit_of(key[i])].y;
     __syncthreads();
 #pragma unroll
     for (int i = 0; i < kSweepItems; ++i)
         if (is_kept(i)) shared.sorted.keys[place[i]] = Key(key[i]), shared.sorted.values[place[i]] = value[i];
     __syncthreads();
+    std::uint32_t chunk[kSweepItems], tiles[kSweepItems];  // of kAddUpTiles
 #pragma unroll
     for (int i = 0; i < kSweepItems; ++i) {
         const std::uint32_t p = threadIdx.x + i * kSweepBlock;
-        std::uint32_t to = 0xffffffff, tiles = 0;
-        if (p < size) {
-            const Key k = shared.sorted.keys[p];
-            const std::uint32_t v = shared.sorted.values[p];
-            to = to_all[digit_of(k)] + p;
-            if (a.sorted_keys) a.sorted_keys[to] = k;
-            a.sorted_values[to] = v;
-            if constexpr (kSums) {
-                tiles = k >> kDepthKeyBits;
-                if (tiles == kManyTiles) tiles = a.chunk_sums.tiles[v];
-            }
+        chunk[i] = 0xffffffff, tiles[i] = 0;
+        if (p >= size) continue;
+        const Key k = shared.sorted.keys[p];
+        const std::uint32_t v = shared.sorted.values[p], to = to_all[digit_of(k)] + p;
+        if (a.sorted_keys) a.sorted_keys[to] = k;
+        a.sorted_values[to] = v;
+        if constexpr (kTask == SweepTask::kAddUpTiles) {
+            chunk[i] = to / ChunkSums::kPairs, tiles[i] = k >> kDepthKeyBits;
+            if (tiles[i] == kManyTiles) tiles[i] = a.chunk_sums.tiles[v];
         }
-        if constexpr (kSums) add_to_chunks(a.chunk_sums, to, tiles);
+        if constexpr (kTask == SweepTask::kNoteBegins) {
+            // Equal keys lie side by side, since the passes before sorted by all other digits.
+            if (p == 0 || shared.sorted.keys[p - 1] != k)
+                atomicMax(&a.begins.words[min(std::uint32_t(k), a.begins.most)], ~to);
+        }
+    }
+    if constexpr (kTask == SweepTask::kAddUpTiles) {
+#pragma unroll
+        for (int i = 0; i < kSweepItems; ++i) tiles[i] = tiles_of_chunk(chunk[i], tiles[i]);
+#pragma unroll
+        for (int i = 0; i < kSweepItems; ++i) {
+            if (tiles[i] == 0) continue;
+            atomicAdd(&a.chunk_sums.of_chunks[chunk[i]], tiles[i]);
+            atomicAdd(&a.chunk_sums.of_groups[chunk[i] / ChunkSums::kChunksOfGroup], tiles[i]);
+        }
     }
 }
 
@@ -176,37 +190,49 @@ template <class Key> struct RadixPairs {
     std::uint32_t* values[2];
 };
 
+/// What a sort does beside sorting. 32-bit keys that are culled or have tiles must have digits of 8 bits and two passes
+/// or more; 16-bit keys have only begins.
+struct SortTasks {
+    std::uint32_t least = 0;    ///< the first pass leaves out pairs with smaller keys
+    ChunkSums chunk_sums = {};  ///< the last pass adds these up, if they are given
+    KeyBegins begins = {};      ///< or notes these
+};
+
 /// Sorts pairs by the lower bits of their keys, as the plan has them. keys[0] is overwritten. The first pass does not
-/// read values[0] where the values are positions; the last pass does not write keys where nobody needs them. counts:
-/// (passes, digits), of the keys that are kept. sums: plan.sums(num.most) words for each pass, which are 0. Of 32-bit
-/// keys, which must have digits of 8 bits and two passes or more, pairs with keys below `least` are left out by the
-/// first pass, and num_kept says how many there are after that; the last pass adds up chunk_sums. Shorter keys are all
-/// kept.
+/// read values[0] where the values are positions; the last pass writes no keys. counts: (passes, digits), of the keys
+/// that are kept. sums: plan.sums(num.most) words for each pass, which are 0. num_kept says how many pairs the first
+/// pass keeps.
 template <class Key>
-void sort_pairs(const DigitPlan& plan, const RadixPairs<Key>& pairs, bool from_positions, bool keys_needed,
-                const std::uint32_t* counts, std::uint32_t* sums, const NumPairs& num, const NumPairs& num_kept,
-                std::uint32_t least, const ChunkSums& chunk_sums, cudaStream_t stream) {
+void sort_pairs(const DigitPlan& plan, const RadixPairs<Key>& pairs, bool from_positions, const std::uint32_t* counts,
+                std::uint32_t* sums, const NumPairs& num, const NumPairs& num_kept, const SortTasks& tasks,
+                cudaStream_t stream) {
     if (num.most == 0) return;
-    assert(sizeof(Key) == 2 ? least == 0 && !chunk_sums.of_chunks : plan.bits == 8 && plan.passes > 1);
+    const bool culls = tasks.least > 0, adds_up = tasks.chunk_sums.of_chunks, notes = tasks.begins.words;
+    assert(sizeof(Key) == 2 ? !culls && !adds_up : plan.bits == 8 && plan.passes > 1);
     for (int p = 0; p < plan.passes; ++p) {
         const int from = p % 2, to = 1 - from;
         const bool is_last = p + 1 == plan.passes;
         const Sweep<Key> pass{p ? num_kept : num,
                               pairs.keys[from],
                               p || !from_positions ? pairs.values[from] : nullptr,
-                              !is_last || keys_needed ? pairs.keys[to] : nullptr,
+                              is_last ? nullptr : pairs.keys[to],
                               pairs.values[to],
                               counts + p * plan.digits(),
                               sums + std::size_t(p) * plan.sums(num.most),
-                              least,
                               p * plan.bits,
-                              chunk_sums};
+                              tasks.least,
+                              tasks.chunk_sums,
+                              tasks.begins};
         const auto kernel = [&] {
+            using enum SweepTask;
             if constexpr (sizeof(Key) == 2) {
-                return plan.bits == 7 ? &sweep_digit<Key, 7> : &sweep_digit<Key, 8>;
+                if (is_last && notes)
+                    return plan.bits == 7 ? &sweep_digit<Key, 7, kNoteBegins> : &sweep_digit<Key, 8, kNoteBegins>;
+                return plan.bits == 7 ? &sweep_digit<Key, 7, kSort> : &sweep_digit<Key, 8, kSort>;
             } else {
-                if (p == 0 && least > 0) return &sweep_digit<Key, 8, true>;
-                return is_last && chunk_sums.of_chunks ? &sweep_digit<Key, 8, false, true> : &sweep_digit<Key, 8>;
+                if (p == 0 && culls) return &sweep_digit<Key, 8, kCull>;
+                if (is_last && adds_up) return &sweep_digit<Key, 8, kAddUpTiles>;
+                return is_last && notes ? &sweep_digit<Key, 8, kNoteBegins> : &sweep_digit<Key, 8, kSort>;
             }
         }();
         kernel<<<num_blocks(num.most, kSweepPairs), kSweepBlock, 0, stream>>>(pass);

@@ -12,8 +12,8 @@ static_assert(kPairsOfChunk == ChunkSums::kPairs);
 static_assert(kPairsOfGroup == ChunkSums::kPairs * ChunkSums::kChunksOfGroup);
 
 template <class Key>
-SortedOnDevice<Key> sort_on_device(const std::vector<Key>& keys, int bits, std::uint32_t least, std::int64_t room,
-                                   const std::vector<std::uint32_t>& tiles) {
+SortedOnDevice sort_on_device(const std::vector<Key>& keys, int bits, std::uint32_t least, std::int64_t room,
+                              const std::vector<std::uint32_t>& tiles) {
     const DigitPlan plan = DigitPlan::of(bits);
     std::vector<std::uint32_t> counts(std::size_t(plan.counts()));
     std::int64_t kept = 0;
@@ -52,13 +52,15 @@ SortedOnDevice<Key> sort_on_device(const std::vector<Key>& keys, int bits, std::
         GS_CUDA(cudaMemset(chunk_sums.reserve(chunks + groups), 0, (chunks + groups) * sizeof(std::uint32_t)));
         sums_of_tiles = {device_tiles.get(), chunk_sums.get(), chunk_sums.get() + chunks};
     }
+    DeviceBuffer<std::uint32_t> begins;
+    GS_CUDA(cudaMemset(begins.reserve(kMostNotedKey + 1), 0, (kMostNotedKey + 1) * sizeof(std::uint32_t)));
+    const KeyBegins noted{culls ? nullptr : begins.get(), kMostNotedKey};
     sort_pairs(plan, RadixPairs<Key>{{device_keys[0].get(), device_keys[1].get()}, {values[0].get(), values[1].get()}},
-               true, !culls, device_counts.get(), sums.get(), all, kept_pairs, least, sums_of_tiles, nullptr);
+               true, device_counts.get(), sums.get(), all, kept_pairs, {least, sums_of_tiles, noted}, nullptr);
     GS_CUDA(cudaDeviceSynchronize());
-    const int last = plan.passes % 2;
-    const std::int64_t sorted = std::min(kept, room);
-    SortedOnDevice<Key> out{{}, values[last].download(sorted), {}, {}};
-    if (!culls) out.keys = device_keys[last].download(sorted);
+    SortedOnDevice out{
+        values[plan.passes % 2].download(std::min(kept, room)), begins.download(kMostNotedKey + 1), {}, {}};
+    for (std::uint32_t& begin : out.begins) begin = ~begin;
     if (!tiles.empty()) {
         out.chunk_sums = chunk_sums.download(groups * (ChunkSums::kChunksOfGroup + 1));
         out.group_sums.assign(out.chunk_sums.end() - groups, out.chunk_sums.end());
@@ -67,9 +69,9 @@ SortedOnDevice<Key> sort_on_device(const std::vector<Key>& keys, int bits, std::
     return out;
 }
 
-template SortedOnDevice<std::uint16_t> sort_on_device(const std::vector<std::uint16_t>&, int, std::uint32_t,
-                                                      std::int64_t, const std::vector<std::uint32_t>&);
-template SortedOnDevice<std::uint32_t> sort_on_device(const std::vector<std::uint32_t>&, int, std::uint32_t,
-                                                      std::int64_t, const std::vector<std::uint32_t>&);
+template SortedOnDevice sort_on_device(const std::vector<std::uint16_t>&, int, std::uint32_t, std::int64_t,
+                                       const std::vector<std::uint32_t>&);
+template SortedOnDevice sort_on_device(const std::vector<std::uint32_t>&, int, std::uint32_t, std::int64_t,
+                                       const std::vector<std::uint32_t>&);
 
 }  // namespace gs::test
