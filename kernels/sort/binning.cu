@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Radix sorts of Gaussians by depth and of their instances by tile.
-#include <cub/block/block_scan.cuh>
-
 #include "kernels/sort/binning_cuda.h"
 #include "kernels/sort/radix_cuda.cuh"
 
 namespace gs {
 namespace {
 
-constexpr int kBlock = 256, kWriteBlock = ChunkSums::kPairs;
+constexpr int kBlock = 256, kWriteBlock = 256, kWriteItems = ChunkSums::kPairs / kWriteBlock;
 constexpr unsigned kManyBlocks = 512;  ///< enough to fill a large device once
 
 /// What writing instances reads and writes.
@@ -50,24 +48,29 @@ constexpr int kMostCounts = 4 * 256;  ///< four passes by 8 bits
 /// Writes the instances of a block's Gaussians in depth order. Those with more than 32 candidate tiles, which come
 /// together in depth order, are left for write_large_instances.
 template <class Key>
-__global__ void __launch_bounds__(kWriteBlock)
+__global__ void __launch_bounds__(kWriteBlock, 5)
     write_instances(InstanceLists<Key> lists, int tiles_x, StepControl* control) {
-    using BlockScan = cub::BlockScan<std::uint32_t, kWriteBlock>;
-    __shared__ typename BlockScan::TempStorage scan;
-    __shared__ std::uint32_t digit_counts[kMostCounts], before;
-    __shared__ std::uint16_t candidates[kWriteBlock / 32][32 * 32];  // lane and candidate tile of a warp's instances
-    const std::uint32_t k = blockIdx.x * kWriteBlock + threadIdx.x, num_visible = control->num_visible;
+    constexpr int kWarps = kWriteBlock / 32;
+    __shared__ std::uint32_t digit_counts[kMostCounts], before, warp_sums[kWarps];
+    __shared__ std::uint16_t candidates[kWarps][32 * 32];  // lane and candidate tile of 32 Gaussians' instances
+    const std::uint32_t num_visible = control->num_visible, lane = threadIdx.x & 31, warp = threadIdx.x / 32,
+                        first = blockIdx.x * ChunkSums::kPairs + warp * (32 * kWriteItems) + lane;
     if (control->num_instances > lists.room) {
-        if (k == 0) control->stopped = 1;
+        if (first == 0) control->stopped = 1;
         return;
     }
-    if (blockIdx.x * kWriteBlock >= num_visible) {  // nobody waits for this block's sum
-        if (lists.ends && k < lists.n) lists.ends[k] = std::uint32_t(control->num_instances);
+    if (blockIdx.x * ChunkSums::kPairs >= num_visible) {  // nobody waits for this block's sum
+        for (std::uint32_t k = first; lists.ends && k < min(first + 32 * kWriteItems, lists.n); k += 32)
+            lists.ends[k] = std::uint32_t(control->num_instances);
         return;
     }
-    const bool visible = k < num_visible;
-    const std::uint32_t gaussian = visible ? lists.order[k] : 0;
-    const TileSpan span = visible ? lists.spans[gaussian] : TileSpan{0, 0};
+    std::uint32_t gaussian[kWriteItems], count[kWriteItems], start[kWriteItems];
+    TileSpan span[kWriteItems];
+#pragma unroll
+    for (int u = 0; u < kWriteItems; ++u) gaussian[u] = first + 32 * u < num_visible ? lists.order[first + 32 * u] : 0;
+#pragma unroll
+    for (int u = 0; u < kWriteItems; ++u)
+        span[u] = first + 32 * u < num_visible ? lists.spans[gaussian[u]] : TileSpan{0, 0};
     const std::uint32_t group = blockIdx.x / ChunkSums::kChunksOfGroup,
                         in_group = blockIdx.x % ChunkSums::kChunksOfGroup;
     std::uint32_t sum_before = threadIdx.x < in_group ? lists.sums.of_chunks[blockIdx.x - in_group + threadIdx.x] : 0;
@@ -76,37 +79,54 @@ __global__ void __launch_bounds__(kWriteBlock)
     if (threadIdx.x == 0) before = 0;
     digits.clear();
     sum_before = __reduce_add_sync(~0u, sum_before);
-    if ((threadIdx.x & 31) == 0 && sum_before > 0) atomicAdd(&before, sum_before);
-    const bool small = visible && span.width() > 0;
-    const std::uint32_t count = small ? __popc(span.mask) : visible ? lists.counts[gaussian] : 0;
-    std::uint32_t start;
-    BlockScan(scan).ExclusiveSum(count, start);
+    if (lane == 0 && sum_before > 0) atomicAdd(&before, sum_before);
+
+    const auto is_visible = [&](int u) { return first + 32 * u < num_visible; };
+    const auto is_small = [&](int u) { return span[u].width() > 0; };  // or nothing
+    std::uint32_t of_warp = 0;
+#pragma unroll
+    for (int u = 0; u < kWriteItems; ++u) {
+        count[u] = is_small(u) ? __popc(span[u].mask) : is_visible(u) ? lists.counts[gaussian[u]] : 0;
+        const std::uint32_t up_to = inclusive_sum(count[u]);
+        start[u] = of_warp + up_to - count[u];
+        of_warp += __shfl_sync(~0u, up_to, 31);
+    }
+    if (lane == 0) warp_sums[warp] = of_warp;
+    __syncthreads();
+    std::uint32_t before_warp = before;
+    for (std::uint32_t w = 0; w < warp; ++w) before_warp += warp_sums[w];
 
     // Lanes have different numbers of instances: the warp lists them, and then each lane writes every 32nd.
-    std::uint16_t* list = candidates[threadIdx.x / 32];
-    const std::uint32_t lane = threadIdx.x & 31, own = small ? count : 0, end = inclusive_sum(own);
-    std::uint32_t at = end - own;
-    const std::uint32_t total = __shfl_sync(~0u, end, 31);
-    if (small)
-        for (unsigned bits = span.mask; bits; bits &= bits - 1)
-            list[at++] = std::uint16_t(lane << 5 | (__ffs(bits) - 1));
-    __syncthreads();
-    start += before;
-    if (lists.ends && k < lists.n) lists.ends[k] = start + count;
-    if (visible && !small) lists.large[atomicAdd(&control->num_large, 1u)] = make_uint2(gaussian, start);
-    const std::uint32_t place_to_instance = start - (end - own);
-    for (std::uint32_t place = lane; place - lane < total; place += 32) {
-        const std::uint32_t word = place < total ? list[place] : 0, owner = word >> 5;
-        const TileSpan tiles{__shfl_sync(~0u, span.where, owner), 0};
-        const std::uint32_t g = __shfl_sync(~0u, gaussian, owner),
-                            i = place + __shfl_sync(~0u, place_to_instance, owner);
-        if (place >= total) continue;
-        // The half keeps the quotient away from whole numbers, which the rounding could cross.
-        const int candidate = word & 31, row = int((candidate + 0.5f) / tiles.width());
-        const Key key = Key((tiles.y0() + row) * tiles_x + tiles.x0() + candidate - row * tiles.width());
-        lists.tile_keys[i] = key;
-        lists.instances[i] = g;
-        digits.count(key);
+    std::uint16_t* list = candidates[warp];
+#pragma unroll
+    for (int u = 0; u < kWriteItems; ++u) {
+        start[u] += before_warp;
+        const std::uint32_t k = first + 32 * u;
+        if (lists.ends && k < lists.n) lists.ends[k] = start[u] + count[u];
+        if (is_visible(u) && !is_small(u))
+            lists.large[atomicAdd(&control->num_large, 1u)] = make_uint2(gaussian[u], start[u]);
+        const std::uint32_t own = is_small(u) ? count[u] : 0, end = inclusive_sum(own),
+                            total = __shfl_sync(~0u, end, 31);
+        std::uint32_t at = end - own;
+        if (is_small(u))
+            for (unsigned bits = span[u].mask; bits; bits &= bits - 1)
+                list[at++] = std::uint16_t(lane << 5 | (__ffs(bits) - 1));
+        __syncwarp();
+        const std::uint32_t place_to_instance = start[u] - (end - own);
+        for (std::uint32_t place = lane; place - lane < total; place += 32) {
+            const std::uint32_t word = place < total ? list[place] : 0, owner = word >> 5;
+            const TileSpan tiles{__shfl_sync(~0u, span[u].where, owner), 0};
+            const std::uint32_t g = __shfl_sync(~0u, gaussian[u], owner),
+                                i = place + __shfl_sync(~0u, place_to_instance, owner);
+            if (place >= total) continue;
+            // The half keeps the quotient away from whole numbers, which the rounding could cross.
+            const int candidate = word & 31, row = int((candidate + 0.5f) / tiles.width());
+            const Key key = Key((tiles.y0() + row) * tiles_x + tiles.x0() + candidate - row * tiles.width());
+            lists.tile_keys[i] = key;
+            lists.instances[i] = g;
+            digits.count(key);
+        }
+        __syncwarp();  // before the list is overwritten
     }
     digits.add_to(lists.counts_of_digits);
 }
@@ -336,7 +356,8 @@ void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, S
     const KeyBegins begins{counts.tile_begins, std::uint32_t(bins_.num_tiles())};
     const NumPairs num_instances{NumPairs::kInstances, std::uint32_t(room), control};
     if (n_ > 0) {
-        write_instances<Key><<<num_blocks(n_, kWriteBlock), kWriteBlock, 0, stream>>>(lists, bins_.tiles_x, control);
+        write_instances<Key>
+            <<<num_blocks(n_, ChunkSums::kPairs), kWriteBlock, 0, stream>>>(lists, bins_.tiles_x, control);
         GS_CUDA_LAUNCHED("write_instances");
         write_large_instances<Key><<<kManyBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control);
         GS_CUDA_LAUNCHED("write_large_instances");

@@ -9,6 +9,12 @@ namespace gs {
 
 inline constexpr int kSweepBlock = 256, kSweepItems = 16, kSweepPairs = kSweepBlock * kSweepItems;
 
+/// The number of words by which blocks tell one another their sums in some columns (BlockSums).
+inline constexpr int kBlocksOfGroup = 16;
+constexpr std::size_t block_sums(std::size_t blocks, int columns) {
+    return (blocks + blocks / kBlocksOfGroup) * std::size_t(columns);
+}
+
 /// The passes of a sort.
 struct DigitPlan {
     int passes, bits;  ///< bits of a digit: 7 or 8
@@ -21,7 +27,9 @@ struct DigitPlan {
     /// Returns the number of counts of all passes.
     constexpr int counts() const { return passes << bits; }
     /// Returns the number of words by which the blocks of one pass tell one another their sums.
-    std::size_t sums(std::int64_t pairs) const { return std::size_t((pairs + kSweepPairs - 1) / kSweepPairs) << bits; }
+    std::size_t sums(std::int64_t pairs) const {
+        return block_sums(std::size_t(pairs + kSweepPairs - 1) / kSweepPairs, digits());
+    }
 };
 
 }  // namespace gs

@@ -43,7 +43,7 @@ template <class Key> struct Sweep {
     Key* sorted_keys;             ///< null: not needed
     std::uint32_t* sorted_values;
     const std::uint32_t* counts;  ///< (digits): the pairs with each digit
-    std::uint32_t* sums;          ///< (blocks, digits), 0 before: for look_back()
+    std::uint32_t* sums;          ///< 0 before: for BlockSums
     int shift;
     std::uint32_t least;  ///< kCull: pairs with smaller keys are left out
     ChunkSums chunk_sums;
@@ -107,6 +107,8 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     __syncthreads();
 
     // One thread a digit: where it begins in each warp, in the block and in the list.
+    static_assert(kSweepPairs * kBlocksOfGroup <= 65536);
+    const BlockSums<kDigits> sums(a.sums);
     std::uint32_t in_block = 0;
     if (digit < kDigits) {
 #pragma unroll
@@ -116,7 +118,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
             begin = in_block;
             in_block += in_warp;
         }
-        publish_sum(&a.sums[std::size_t(blockIdx.x) * kDigits + digit], in_block, blockIdx.x == 0);
+        sums.tell(int(digit), in_block);
     }
     const std::uint32_t up_to_block = inclusive_sum(in_block), up_to_all = inclusive_sum(in_all);
     if (lane == 31) warp_sums[0][warp] = up_to_block, warp_sums[1][warp] = up_to_all;
@@ -136,9 +138,8 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
 #pragma unroll
         for (int i = 0; i < kSweepItems; ++i) value[i] = first + 32 * i;
     }
-    const std::uint32_t before = look_back<kDigits>(a.sums, found);
+    const std::uint32_t before = sums.before(in_block, found);
     if (digit < kDigits) {
-        if (blockIdx.x > 0) publish_sum(&a.sums[std::size_t(blockIdx.x) * kDigits + digit], before + in_block, true);
         to_all[digit] = all_begin + before - block_begin;
 #pragma unroll
         for (int w = 0; w < kWarps; ++w) shared.ranked[w][digit].y += block_begin;

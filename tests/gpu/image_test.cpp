@@ -36,6 +36,24 @@ TEST_F(GpuRender, ShowsTheBackgroundWhereNothingIsInFront) {
     }
 }
 
+/// Pictures of more tiles than one step of listing them takes (4096), than 14 bits count, and than 16 bits count.
+TEST_F(GpuRender, OfManyTilesIsTheOneOfTheCpu) {
+    const Gaussians model = float_model(random_gaussians(300, 1, 8));
+    const auto cpu = make_cpu_backend(model.appearance), gpu = make_cuda_backend(model.appearance);
+    cpu->upload(model), gpu->upload(model);
+    for (const auto& [width, height] : {std::pair{2600, 1700}, {3000, 2300}, {8000, 3400}}) {
+        RenderRequest r;
+        r.camera = cast<float>(test_camera(width, height));
+        RenderedImage a, b;
+        cpu->render(r, a), gpu->render(r, b);
+        ASSERT_EQ(a.rgb.size(), b.rgb.size());
+        std::size_t off = 0;
+        for (std::size_t i = 0; i < a.rgb.size(); ++i) off += !(std::abs(a.rgb[i] - b.rgb[i]) <= 2e-3);
+        EXPECT_LE(off, a.rgb.size() / 10000) << width << "x" << height;
+        EXPECT_GT(*std::max_element(a.rgb.begin(), a.rgb.end()), 0.1f);
+    }
+}
+
 /// The CPU in float is the measure here, because the reference would take minutes. A million Gaussians have depths
 /// nearer to each other than the sort resolves, and rounding picks their order. Two neighbours of opacity near 1 in
 /// swapped order can change a pixel by the difference of their colours; so few pixels may be off, and the mean tells
