@@ -10,17 +10,17 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
     const auto seconds = [&](CudaStage s) { return seconds_[int(s)]; };
     // The bytes are those that each stage must at least read and write once. A splat has 48 bytes, its sums 36 of 48.
     // Radix sorts move key and value once a pass: three passes for the depth (8 bytes, of what is visible, without the
-    // first values and the last keys), two for the tile (6 bytes). The instructions are counted in the templates:
-    // fragment_alpha 10 and blend_fragment 10 forward, and 120 that find the sub-tiles which an instance reaches; 10,
-    // fragment_gradient 14 and two stores backward.
+    // first values and the last keys), two for the tile (6 bytes, without the last keys). The instructions are counted
+    // in the templates: fragment_alpha 10 and blend_fragment 10 forward, and 120 that find the sub-tiles which an
+    // instance reaches; 10, fragment_gradient 14 and two stores backward.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian",
          gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8), visible_ * (260 + operations), "",
          true},
         {"sort", seconds(CudaStage::kSort), instances_, "instance",
-         gaussians_ * (4 + 4) + visible_ * (8 + 16 + 12 + 4 + 8) + instances_ * (6 + 2 * 12 + 2),
+         gaussians_ * (4 + 4) + visible_ * (8 + 16 + 12 + 4 + 8) + instances_ * (6 + 12 + 10),
          visible_ * 20 + instances_ * 10,
-         "five radix passes, five small kernels and a fill in a row: below a million keys each takes 2 to 15 us, most "
+         "five radix passes, four small kernels and a fill in a row: below a million keys each takes 2 to 15 us, most "
          "of it latency, and starts 2 us after the one before it"},
         {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16,
          pairs_ * 20 + instances_ * 120,
@@ -28,8 +28,9 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
          "their block; long lists are walked by four blocks each"},
         {"loss", seconds(CudaStage::kLoss), pixels_, "pixel", pixels_ * (2 * (12 + 3) + 2 * 36 + 12),
          pixels_ * 3 * (110 + 110 + 40 + 66 + 10),
-         "the separable filters read 27 values from shared memory per pixel and channel, beside the FMAs that the "
-         "floor counts"},
+         "the separable filters read 27 values from shared memory per pixel and channel; a sixth of the instructions "
+         "load "
+         "the tiles and their borders"},
         {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian",
          instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 26,
          "as blend; also, the values that the tensor cores add up pass through shared memory first"},
