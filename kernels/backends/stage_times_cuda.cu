@@ -29,8 +29,7 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
         {"loss", seconds(CudaStage::kLoss), pixels_, "pixel", pixels_ * (2 * (12 + 3) + 2 * 36 + 12),
          pixels_ * 3 * (110 + 110 + 40 + 66 + 10),
          "the separable filters read 27 values from shared memory per pixel and channel; a sixth of the instructions "
-         "load "
-         "the tiles and their borders"},
+         "load tiles and their borders"},
         {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian",
          instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 26,
          "as blend; also, the values that the tensor cores add up pass through shared memory first"},

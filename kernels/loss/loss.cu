@@ -28,18 +28,18 @@ __device__ float component(unsigned char x) { return x * (1.0f / 255.0f); }
 __device__ float component(float x) { return x; }
 
 /// A thread's pixels: kCount of one column, in every `step`-th row. Those outside of the image count as 0. Where the
-/// image has all of them (kInside), none is looked at.
+/// image has all of them (kInside), no bounds are checked.
 template <int kCount, bool kInside> class Column {
   public:
     __device__ Column(const LossArgs& a, int x, int y, int step)
-        : first_(y * a.in.target.width + x),
-          stride_(step * a.in.target.width),
+        : first_(unsigned(y) * a.in.target.width + x),
+          stride_(unsigned(step) * a.in.target.width),
           height_(a.in.target.height),
           step_(step),
           y_(x >= 0 && x < a.in.target.width ? y : INT_MIN / 2) {}
 
-    /// Returns the place in a plane. Images have at most 2^29 pixels.
-    __device__ int pixel(int u) const { return first_ + u * stride_; }
+    /// Returns the place in a plane, for which 32 bits suffice: no side has 2^16 pixels (CudaBackend::enqueue_splats).
+    __device__ unsigned pixel(int u) const { return first_ + u * stride_; }
     __device__ bool has(int u) const { return kInside || unsigned(y_ + u * step_) < unsigned(height_); }
     /// Calls fn(u, pixel) for each pixel that the image has.
     template <class Fn> __device__ void for_each(Fn&& fn) const {
@@ -49,7 +49,8 @@ template <int kCount, bool kInside> class Column {
     }
 
   private:
-    int first_, stride_, height_, step_, y_;
+    unsigned first_, stride_;
+    int height_, step_, y_;
 };
 
 /// How photographs are stored: the type of a component, and whether there is a fourth, alpha.
@@ -59,15 +60,15 @@ template <class Component, bool kAlpha> struct Stored {
     };
 
     /// Returns channel c of a pixel, and its alpha.
-    __device__ static Texel load(const TargetImage& t, int pixel, int c) {
+    __device__ static Texel load(const TargetImage& t, unsigned pixel, int c) {
+        const std::size_t first = std::size_t(pixel) * (kAlpha ? 4 : 3);
         if constexpr (std::is_same_v<Component, float>) {
-            return {t.f32[pixel * (kAlpha ? std::int64_t(4) : 3) + c],
-                    kAlpha ? t.f32[pixel * std::int64_t(4) + 3] : 1.0f};
+            return {t.f32[first + c], kAlpha ? t.f32[first + 3] : 1.0f};
         } else if constexpr (kAlpha) {
             const unsigned word = reinterpret_cast<const unsigned*>(t.u8)[pixel];
             return {Component(word >> 8 * c), Component(word >> 24)};
         } else {
-            return {t.u8[pixel * 3 + c], 255};
+            return {t.u8[first + c], 255};
         }
     }
 
@@ -78,10 +79,10 @@ template <class Component, bool kAlpha> struct Stored {
         template <bool kInside> __device__ Targets(const LossArgs& a, int c, const Column<kCount, kInside>& column) {
             const TargetImage& t = a.in.target;
             Texel texels[kCount] = {};
-            column.for_each([&](int u, int pixel) { texels[u] = load(t, pixel, c); });
+            column.for_each([&](int u, unsigned pixel) { texels[u] = load(t, pixel, c); });
 #pragma unroll
             for (int u = 0; u < kCount; ++u) weight[u] = column.has(u) ? 1.0f : 0.0f;
-            if (t.mask) column.for_each([&](int u, int pixel) { weight[u] = component(t.mask[pixel]); });
+            if (t.mask) column.for_each([&](int u, unsigned pixel) { weight[u] = component(t.mask[pixel]); });
             const float background = c == 0 ? a.in.background.x : c == 1 ? a.in.background.y : a.in.background.z;
 #pragma unroll
             for (int u = 0; u < kCount; ++u) {
@@ -103,7 +104,8 @@ template <class Fn> void with_storage(const TargetImage& target, Fn&& fn) {
         target.channels == 3 ? fn(Stored<float, false>{}) : fn(Stored<float, true>{});
 }
 
-/// A tile with its border is loaded six rows at a time, with a thread for each column.
+/// A tile with its border is loaded six rows at a time, with a thread for each of their pixels: six divides its 42
+/// rows, and 252 of the 256 threads load.
 constexpr int kRowStep = 6, kLoads = kHalo / kRowStep, kLoaders = kRowStep * kHalo;
 static_assert(kHalo % kRowStep == 0 && kLoaders <= kThreads);
 
@@ -169,7 +171,7 @@ __global__ void __launch_bounds__(kThreads, 4)
     const float* image = a.in.image + block.c * plane;
     block.for_loads(a, [&](const auto& pixels, int i, int j) {
         float render[kLoads] = {};
-        pixels.for_each([&](int u, int pixel) { render[u] = image[pixel]; });
+        pixels.for_each([&](int u, unsigned pixel) { render[u] = image[pixel]; });
         const typename Storage::template Targets<kLoads> targets(a, block.c, pixels);
 #pragma unroll
         for (int u = 0; u < kLoads; ++u)
@@ -205,7 +207,7 @@ __global__ void __launch_bounds__(kThreads, 4)
     float sum = 0;
     float *const p_map = maps + block.c * plane, *const q_map = p_map + 3 * plane, *const r_map = q_map + 3 * plane;
     block.for_outputs(a, i, first, [&](const auto& pixels) {
-        pixels.for_each([&](int o, int pixel) {
+        pixels.for_each([&](int o, unsigned pixel) {
             const SsimPixel<float> p = ssim_pixel(s[0][o], s[1][o], s[2][o], s[3][o], s[4][o]);
             const float w = a.in.target.mask ? component(a.in.target.mask[pixel]) : 1.0f, u = a.ssim_step * w;
             p_map[pixel] = u * p.p;
@@ -257,7 +259,7 @@ __global__ void __launch_bounds__(kThreads, 4)
 #pragma unroll
         for (int m = 0; m < 3; ++m) {
             const float* map = maps + (block.c + 3 * m) * plane;
-            pixels.for_each([&](int u, int pixel) { v[m][u] = map[pixel]; });
+            pixels.for_each([&](int u, unsigned pixel) { v[m][u] = map[pixel]; });
         }
 #pragma unroll
         for (int m = 0; m < 3; ++m)
@@ -284,9 +286,9 @@ __global__ void __launch_bounds__(kThreads, 4)
     float *const gradient = dL_dimage + block.c * plane, sum = 0;
     block.for_outputs(a, i, first, [&](const auto& pixels) {
         float render[kDown] = {};
-        pixels.for_each([&](int o, int pixel) { render[o] = image[pixel]; });
+        pixels.for_each([&](int o, unsigned pixel) { render[o] = image[pixel]; });
         const typename Storage::template Targets<kDown> targets(a, block.c, pixels);
-        pixels.for_each([&](int o, int pixel) {
+        pixels.for_each([&](int o, unsigned pixel) {
             const float w = targets.weight[o], p = w * render[o], t = w * targets.value[o], d = p - t;
             const float sign = d > 0 ? 1.0f : (d < 0 ? -1.0f : 0.0f);
             sum += d * sign;
@@ -305,7 +307,7 @@ __global__ void __launch_bounds__(kThreads) error_of_pixels(LossArgs a, float* _
     const Column<1, false> pixels(a, blockIdx.x * kThreads + threadIdx.x, blockIdx.y, 1);
     const typename Storage::template Targets<1> target(a, c, pixels);
     float squared = 0;
-    pixels.for_each([&](int, int pixel) {
+    pixels.for_each([&](int, unsigned pixel) {
         const std::size_t at = c * a.plane() + pixel;
         const float weight = target.weight[0], difference = a.in.image ? a.in.image[at] - target.value[0] : 1.0f;
         out[at] = weight * difference;

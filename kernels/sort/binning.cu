@@ -48,7 +48,7 @@ constexpr int kMostCounts = 4 * 256;  ///< four passes by 8 bits
 /// Writes the instances of a block's Gaussians in depth order. Those with more than 32 candidate tiles, which come
 /// together in depth order, are left for write_large_instances.
 template <class Key>
-__global__ void __launch_bounds__(kWriteBlock, 5)
+__global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians are worked on at once
     write_instances(InstanceLists<Key> lists, int tiles_x, StepControl* control) {
     constexpr int kWarps = kWriteBlock / 32;
     __shared__ std::uint32_t digit_counts[kMostCounts], before, warp_sums[kWarps];
@@ -172,7 +172,8 @@ __device__ std::uint32_t suffix_max(std::uint32_t x) {
 }
 
 /// Sets offsets[t] to the first instance of a tile >= t, and lists the work on tiles by the time that it takes, in
-/// steps of 16 instances, with a counting sort. One block.
+/// steps of 16 instances, with a counting sort. One block, whose threads have eight tiles each: those of an image of
+/// 1400x1000 at once.
 constexpr int kOrderThreads = 1024, kLengths = 256, kTilesOfThread = 8;
 __global__ void __launch_bounds__(kOrderThreads)
     order_tiles(NumPairs num_instances, KeyBegins begins, std::uint32_t num_items, std::uint32_t* __restrict__ offsets,
@@ -180,11 +181,12 @@ __global__ void __launch_bounds__(kOrderThreads)
     constexpr std::uint32_t kWarps = kOrderThreads / 32, kStep = kOrderThreads * kTilesOfThread, kShortest = 256;
     __shared__ std::uint32_t place[kLengths], listed, from_warp[kWarps + 1];
     const std::uint32_t n = num_instances(), num_tiles = begins.most, lane = threadIdx.x & 31, warp = threadIdx.x / 32,
-                        limit = max(n / kMostQuartered, kShortest);  // a shorter one is not worth three more blocks
+                        limit = max(n / kMostQuartered, kShortest);  // a shorter list is not worth three more blocks
     const auto bin = [&](std::uint32_t length) {
         return kLengths - 1 - min((length > limit ? length / 2 : length) / 16, std::uint32_t(kLengths - 1));
     };
-    // Returns where a list is put. Lanes whose lists are shortest, as those of empty tiles, ask together.
+    // Adds a list to its bin, and returns what the bin had before. At first this only counts; once bins hold places, it
+    // is where the list is put. Lanes whose lists are shortest, as those of empty tiles, ask together.
     const auto put = [&](bool is_tile, std::uint32_t length) {
         const bool is_shortest = is_tile && bin(length) == kLengths - 1;
         const unsigned shortest = __ballot_sync(~0u, is_shortest), before = shortest & ((1u << lane) - 1);

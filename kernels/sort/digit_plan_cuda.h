@@ -9,8 +9,10 @@ namespace gs {
 
 inline constexpr int kSweepBlock = 256, kSweepItems = 16, kSweepPairs = kSweepBlock * kSweepItems;
 
-/// The number of words by which blocks tell one another their sums in some columns (BlockSums).
+/// The number of blocks whose sums are added up in one word, too (BlockSums): with 16, a few hundred blocks are about
+/// as many groups as a group has blocks, and a block reads few words of each kind.
 inline constexpr int kBlocksOfGroup = 16;
+/// Returns the number of words by which blocks tell one another their sums in some columns.
 constexpr std::size_t block_sums(std::size_t blocks, int columns) {
     return (blocks + blocks / kBlocksOfGroup) * std::size_t(columns);
 }

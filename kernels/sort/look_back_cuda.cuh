@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sums over the blocks before a block, which the blocks of a kernel tell one another (Merrill and Garland 2016,
 // "decoupled look-back"). Blocks also add up their sums in groups, so that a block reads one word for a group before
-// its own: lists of a few hundred blocks take one read of memory each, not one for every 16 blocks.
+// its own: among a few hundred blocks each reads once or twice, not once for every 16 blocks before it.
 #pragma once
 
 #include "kernels/cuda/cuda.h"
@@ -19,12 +19,15 @@ __device__ inline std::uint32_t inclusive_sum(std::uint32_t x) {
     return x;
 }
 
-/// The sums of blocks in kColumns columns; each is at most 65536 / kBlocksOfGroup.
+/// The sums of blocks in kColumns columns.
 ///
 /// A block waits for those before it. Blocks start in the order of their indices, so these run or have ended; and no
 /// block waits before it has told its own sum.
 template <int kColumns> class BlockSums {
   public:
+    /// The largest sum of a block. The word of a group has 20 bits for those of its blocks.
+    static constexpr std::uint32_t kMostSum = ((1u << 20) - 1) / kBlocksOfGroup;
+
     /// words: block_sums(gridDim.x, kColumns) of them, 0 before.
     __device__ explicit BlockSums(std::uint32_t* words)
         : blocks_(words), groups_(words + std::size_t(gridDim.x) * kColumns) {}
@@ -33,11 +36,11 @@ template <int kColumns> class BlockSums {
     __device__ void tell(int column, std::uint32_t sum) const {
         // Relaxed: nothing else is told by it.
         asm volatile("st.relaxed.gpu.u32 [%0], %1;" ::"l"(block(blockIdx.x) + column), "r"(kTold | sum) : "memory");
-        if (group() < num_groups()) atomicAdd(group(group()) + column, kOneBlock + sum);
+        if (own_group() < num_groups()) atomicAdd(group(own_group()) + column, kOneBlock + sum);
     }
 
     /// Returns for column threadIdx.x the sum over all blocks before this one, whose own sum in that column is given.
-    /// All threads of the block call it. Groups of threads read four columns of some words each, many words at once.
+    /// All threads of the block call it. Sets of threads read four columns of some words each, many words at once.
     template <int kThreads> __device__ std::uint32_t before(std::uint32_t own_sum, uint4 (&found)[kThreads]) const {
         constexpr int kFours = kColumns / 4, kReaders = kThreads / kFours, kAhead = 4;
         const int reader = int(threadIdx.x) / kFours, four = int(threadIdx.x) % kFours;
@@ -45,7 +48,7 @@ template <int kColumns> class BlockSums {
         // last block of a group waits for the whole group instead, whose word it will replace.
         const bool ends_group = blockIdx.x % kBlocksOfGroup == kBlocksOfGroup - 1;
         const int of_blocks = ends_group ? 0 : int(blockIdx.x % kBlocksOfGroup),
-                  last_group = ends_group ? group() : group() - 1, num_words = of_blocks + last_group + 1;
+                  last_group = ends_group ? own_group() : own_group() - 1, num_words = of_blocks + last_group + 1;
         const auto read = [&](int k) {
             uint4 w;
             asm volatile(
@@ -89,7 +92,7 @@ template <int kColumns> class BlockSums {
             if (!__syncthreads_or(open)) break;
         }
         if (ends_group && threadIdx.x < kColumns) {
-            asm volatile("st.relaxed.gpu.u32 [%0], %1;" ::"l"(group(group()) + threadIdx.x), "r"(kAll | sum)
+            asm volatile("st.relaxed.gpu.u32 [%0], %1;" ::"l"(group(own_group()) + threadIdx.x), "r"(kAll | sum)
                          : "memory");
             sum -= own_sum;
         }
@@ -105,7 +108,7 @@ template <int kColumns> class BlockSums {
 
     __device__ std::uint32_t* block(int b) const { return blocks_ + std::size_t(b) * kColumns; }
     __device__ std::uint32_t* group(int g) const { return groups_ + std::size_t(g) * kColumns; }
-    __device__ static int group() { return int(blockIdx.x) / kBlocksOfGroup; }
+    __device__ static int own_group() { return int(blockIdx.x) / kBlocksOfGroup; }
     __device__ static int num_groups() { return int(gridDim.x) / kBlocksOfGroup; }  ///< whole ones
 
     std::uint32_t *blocks_, *groups_;

@@ -89,7 +89,9 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     const std::uint32_t in_all = digit < kDigits ? a.counts[digit] : 0;
     const auto is_kept = [&](int i) { return 32 * i < left && (kTask != SweepTask::kCull || key[i] >= a.least); };
 
-    // Votes on each bit of a digit would find its lanes, too, but a multiprocessor takes a vote every fourth cycle.
+    // Each lane marks its digit. The marks of lower lanes and the pairs before are its rank; the highest lane clears
+    // the marks and adds their number. Votes on each bit of a digit would find its lanes, too, but a multiprocessor
+    // takes a vote every fourth cycle.
     for (int d = int(lane); d < kDigits; d += 32) shared.ranked[warp][d] = make_uint2(0, 0);
     __syncwarp();
 #pragma unroll
@@ -107,8 +109,8 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     __syncthreads();
 
     // One thread a digit: where it begins in each warp, in the block and in the list.
-    static_assert(kSweepPairs * kBlocksOfGroup <= 65536);
     const BlockSums<kDigits> sums(a.sums);
+    static_assert(kSweepPairs <= BlockSums<kDigits>::kMostSum);
     std::uint32_t in_block = 0;
     if (digit < kDigits) {
 #pragma unroll
@@ -153,7 +155,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     for (int i = 0; i < kSweepItems; ++i)
         if (is_kept(i)) shared.sorted.keys[place[i]] = Key(key[i]), shared.sorted.values[place[i]] = value[i];
     __syncthreads();
-    std::uint32_t chunk[kSweepItems], tiles[kSweepItems];  // of kAddUpTiles
+    std::uint32_t chunk[kSweepItems], tiles[kSweepItems];  // only for kAddUpTiles
 #pragma unroll
     for (int i = 0; i < kSweepItems; ++i) {
         const std::uint32_t p = threadIdx.x + i * kSweepBlock;
@@ -191,8 +193,8 @@ template <class Key> struct RadixPairs {
     std::uint32_t* values[2];
 };
 
-/// What a sort does beside sorting. 32-bit keys that are culled or have tiles must have digits of 8 bits and two passes
-/// or more; 16-bit keys have only begins.
+/// What a sort does beside sorting. 32-bit keys must have digits of 8 bits and two passes or more; 16-bit keys
+/// have only begins.
 struct SortTasks {
     std::uint32_t least = 0;    ///< the first pass leaves out pairs with smaller keys
     ChunkSums chunk_sums = {};  ///< the last pass adds these up, if they are given

@@ -159,7 +159,7 @@ inline TestScene with(TestScene s, std::function<void(TestScene&)> change) {
 
 inline std::vector<NamedScene> test_scenes() {
     const auto target = [](int degree, int channels, bool masked, bool floats) {
-        return with(random_scene(120, degree, 64, 48, -0.5, 80 + degree), [=](TestScene& s) {
+        return with(random_scene(120, degree, 110, 80, -0.5, 80 + degree), [=](TestScene& s) {
             std::mt19937 rng(90 + degree);
             const auto random = [&] { return float(rng() % 1000) / 999.0f; };
             s.background = {random(), random(), random()};

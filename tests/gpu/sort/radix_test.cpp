@@ -81,9 +81,11 @@ TEST_F(GpuSort, KeysInOrderAndBackwards) {
 
 TEST_F(GpuSort, MorePairsThanThereIsRoomForAreNotTouched) {
     const std::vector<std::uint16_t> keys(10'000, 3);
-    for (const std::int64_t room : {1, 4096, 9'999})
-        EXPECT_EQ(sort_on_device(keys, 14, 0, room).values,
-                  std::vector<std::uint32_t>(std::size_t(room), kUntouchedValue));
+    for (const std::int64_t room : {1, 4096, 9'999}) {
+        const SortedOnDevice sorted = sort_on_device(keys, 14, 0, room);
+        EXPECT_EQ(sorted.values, std::vector<std::uint32_t>(std::size_t(room), kUntouchedValue));
+        EXPECT_EQ(sorted.begins, std::vector<std::uint32_t>(kMostNotedKey + 1, kNoPlace));
+    }
 }
 
 /// Keys as preprocessing writes them: 24 bits of depth, and above them tiles; 0 for culled Gaussians.
