@@ -64,13 +64,13 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
             lists.ends[k] = std::uint32_t(control->num_instances);
         return;
     }
+    const auto is_visible = [&](int u) { return first + 32 * u < num_visible; };
     std::uint32_t gaussian[kWriteItems], count[kWriteItems], start[kWriteItems];
     TileSpan span[kWriteItems];
 #pragma unroll
-    for (int u = 0; u < kWriteItems; ++u) gaussian[u] = first + 32 * u < num_visible ? lists.order[first + 32 * u] : 0;
+    for (int u = 0; u < kWriteItems; ++u) gaussian[u] = is_visible(u) ? lists.order[first + 32 * u] : 0;
 #pragma unroll
-    for (int u = 0; u < kWriteItems; ++u)
-        span[u] = first + 32 * u < num_visible ? lists.spans[gaussian[u]] : TileSpan{0, 0};
+    for (int u = 0; u < kWriteItems; ++u) span[u] = is_visible(u) ? lists.spans[gaussian[u]] : TileSpan{0, 0};
     const std::uint32_t group = blockIdx.x / ChunkSums::kChunksOfGroup,
                         in_group = blockIdx.x % ChunkSums::kChunksOfGroup;
     std::uint32_t sum_before = threadIdx.x < in_group ? lists.sums.of_chunks[blockIdx.x - in_group + threadIdx.x] : 0;
@@ -81,7 +81,6 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
     sum_before = __reduce_add_sync(~0u, sum_before);
     if (lane == 0 && sum_before > 0) atomicAdd(&before, sum_before);
 
-    const auto is_visible = [&](int u) { return first + 32 * u < num_visible; };
     const auto is_small = [&](int u) { return span[u].width() > 0; };  // or nothing
     std::uint32_t of_warp = 0;
 #pragma unroll

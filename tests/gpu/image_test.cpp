@@ -56,7 +56,7 @@ TEST_F(GpuRender, OfManyTilesIsTheOneOfTheCpu) {
         for (std::size_t i = 0; i < a.rgb.size(); ++i) off += !(std::abs(a.rgb[i] - b.rgb[i]) <= 2e-3);
         for (std::size_t i = 0; i < a.alpha.size(); ++i) off += !(std::abs(a.alpha[i] - b.alpha[i]) <= 2e-3);
         std::printf("  %dx%d: %zu values off by more than 2e-3\n", width, height, off);
-        EXPECT_LE(off, 10) << "a tile has 768 values";  // 0, 1 and 0 were seen, of Gaussians at one depth
+        EXPECT_LE(off, 10) << "a tile has 768 values";  // 0, 1 and 0 were seen
     }
 }
 
