@@ -12,8 +12,9 @@ namespace {
 
 /// Positions (timeline.h), as the iterations of the reference have them.
 
-/// Between Morton sorts. Locality decays as rows are appended.
-constexpr double kMortonInterval = 5000;
+/// Between Morton sorts: while rows are appended, and while they are only relocated. What a view shows is then in few
+/// warps, and a sort costs less than it spares in this many steps, the least.
+constexpr double kMortonWhileGrowing = 100, kMortonInterval = 500, kLeastMortonSteps = 100;
 /// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown which are
 /// needed.
 constexpr double kPruneLargeFrom = 3000;
@@ -29,6 +30,11 @@ constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;
 /// Between densifications, and the least number of steps in which a Gaussian shows what it is good for.
 constexpr double kInterval = 100, kLeastSteps = 10;
 
+/// Returns `interval`, or a multiple of it with at least so many steps.
+double stretched(double interval, double least_steps, const Moment& moment) {
+    return interval * std::max(1.0, std::ceil(least_steps * moment.stride() / interval));
+}
+
 }  // namespace
 
 DensificationWindow::DensificationWindow(const TrainOptions& options)
@@ -41,9 +47,7 @@ bool DensificationWindow::due(const Moment& moment) const {
     // Intervals count from the first densification, where both are on one scale.
     const bool one_scale = interval.named() == from.named() || moment.position == double(moment.iteration);
     const double first = one_scale ? from.value() : 0;
-    const double length = interval.named()
-                              ? interval.value()
-                              : kInterval * std::max(1.0, std::ceil(kLeastSteps * moment.stride() / kInterval));
+    const double length = interval.named() ? interval.value() : stretched(kInterval, kLeastSteps, moment);
     return multiples_passed(interval.before(moment), interval.now(moment), length, first) > 0;
 }
 
@@ -88,8 +92,10 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, const Momen
     }
     // Prune before the opacity reset, after which all Gaussians look alike.
     if (prunes_by_score(moment) && !window_.until.exceeded(moment)) prune(backend, kSoftRatio, change);
-    if (multiples_passed(moment.before, moment.position, kMortonInterval) &&
-        (window_.until.now(moment) <= window_.until.value() + kMortonInterval))
+    const bool grew = change.added + change.cloned + change.split > 0;
+    const double sorted_every = stretched(grew ? kMortonWhileGrowing : kMortonInterval, kLeastMortonSteps, moment);
+    if (multiples_passed(moment.before, moment.position, sorted_every) > 0 &&
+        window_.until.now(moment) <= window_.until.value() + kMortonInterval)
         backend.morton_sort();
     const bool reset = moment.iteration > 0 && !window_.until.reached(moment) &&
                        (multiples_passed(reset_.before(moment), reset_.now(moment), reset_.value()) > 0 ||

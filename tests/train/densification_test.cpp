@@ -18,14 +18,16 @@ class Watched : public test::ForwardingBackend {
     std::int64_t iteration = 0;
     std::vector<std::pair<std::int64_t, double>> prunings;
     std::vector<std::string> at_9000;
+    std::vector<std::int64_t> sorts;
+    std::int64_t grows_until = 0;
     std::size_t num_views = 0;
 
     std::int64_t count() const override { return 5; }
     void set_active_degree(int) override {}
-    void morton_sort() override {}
+    void morton_sort() override { sorts.push_back(iteration); }
     DensifyStats densify(const DensifyRequest&) override {
         note("densify");
-        return {};
+        return {.relocated = 1, .added = iteration < grows_until ? 1 : 0};
     }
     void reset_opacity() override { note("reset"); }
     PruneStats prune(const PruneRequest& request) override {
@@ -98,6 +100,35 @@ TEST(SpeedySchedule, IsSilentUnlessAskedFor) {
     o.speedy_splat = false;
     walk(o, backend);
     EXPECT_TRUE(backend.prunings.empty());
+}
+
+/// Returns the iterations from `first` to `last`, `interval` apart.
+std::vector<std::int64_t> every(std::int64_t interval, std::int64_t first, std::int64_t last) {
+    std::vector<std::int64_t> all;
+    for (std::int64_t k = first; k <= last; k += interval) all.push_back(k);
+    return all;
+}
+
+TEST(MortonSchedule, FollowsGrowthAndThenGoesOnMoreSeldom) {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    Watched backend;
+    backend.grows_until = 2950;
+    walk(o, backend);
+    std::vector<std::int64_t> expected = {0, 500};
+    for (const auto& some : {every(100, 600, 2900), every(500, 3000, 25000)})
+        expected.insert(expected.end(), some.begin(), some.end());
+    EXPECT_EQ(backend.sorts, expected);
+}
+
+TEST(MortonSchedule, LeavesHundredStepsBetweenSortsOfAShortRun) {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    o.iterations = 1000;
+    Watched backend;
+    backend.grows_until = 1000;
+    walk(o, backend);
+    EXPECT_EQ(backend.sorts, every(100, 0, 800));
 }
 
 }  // namespace
