@@ -26,15 +26,27 @@ template <class Model> class WarpAppearance {
         if (!active) return {0, 0, 0};
         return model_residual<Model>(static_cast<const float*>(nullptr), rows + lane() * width, direction, degree);
     }
-    /// Computes the gradients. Call it after residual() with the same arguments. The rows of `gradients` must be
-    /// zeroed.
+    /// Computes the gradients. Call it after residual() with the same arguments. With kAdds it adds to the rows of
+    /// `gradients`, which otherwise must be zeroed.
+    template <bool kAdds = false>
     __device__ void backward(const float* rows, int width, const Vec3<float>& direction, int degree, bool active,
                              const Vec3<float>& dL_dresidual, float* gradients, Vec3<float>& dL_ddirection) const {
         dL_ddirection = {0, 0, 0};
-        if (active)
+        if (!active) return;
+        float* const own = gradients + lane() * width;
+        const auto compute = [&](float* to) {
             model_residual_backward<Model>(static_cast<const float*>(nullptr), rows + lane() * width, direction, degree,
-                                           dL_dresidual, gradients + lane() * width, dL_ddirection,
-                                           static_cast<float*>(nullptr));
+                                           dL_dresidual, to, dL_ddirection, static_cast<float*>(nullptr));
+        };
+        if constexpr (kAdds && Model::kMaxResidual > 0) {
+            float one[Model::kMaxResidual] = {};
+            compute(one);
+#pragma unroll
+            for (int k = 0; k < Model::kMaxResidual; ++k)
+                if (k < width) own[k] += one[k];
+        } else {
+            compute(own);
+        }
     }
     // A model with shared weights also has:
     //   static constexpr int kPreparedWords            size of the weights as kernels read them, in 4-byte words

@@ -89,6 +89,7 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
         return {tanhf(output_.x), tanhf(output_.y), tanhf(output_.z)};
     }
 
+    template <bool kAdds = false>
     __device__ void backward(const float*, int width, const Vec3<float>& direction, int degree, bool active,
                              const Vec3<float>& dL_dresidual, float* gradients, Vec3<float>& dL_ddirection) {
         dL_ddirection = {0, 0, 0};
@@ -106,7 +107,7 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
             make_uint4(tensor::pack(d[0] * scale, d[1] * scale), tensor::pack(d[2] * scale, 0), 0, 0);
         __syncwarp();
 #pragma unroll
-        for (int tile = 0; tile < 2; ++tile) backward_tile(tile, inverse, width, gradients);
+        for (int tile = 0; tile < 2; ++tile) backward_tile<kAdds>(tile, inverse, width, gradients);
         __syncwarp();
         if (!active) return;
         float a[Model::kBases];
@@ -229,7 +230,11 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
         }
     }
 
-    __device__ void backward_tile(int tile, float inverse, int width, float* gradients) {
+    template <bool kAdds> __device__ void backward_tile(int tile, float inverse, int width, float* gradients) {
+        const auto put = [&](int gaussian, int feature, float gradient) {
+            float& to = gradients[gaussian * width + feature];
+            to = kAdds ? to + gradient : gradient;
+        };
         unsigned delta[kTiles][4];
         {  // the output layer
             unsigned d0, d1;
@@ -302,13 +307,11 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
                     reinterpret_cast<float2*>(stage_ + gaussian * kStride)[(8 * n - kEncoded + pair) / 2] =
                         make_float2(c[2 * row], c[2 * row + 1]);
                 } else if (kFrequencies == 0) {
-                    gradients[gaussian * width + 8 * n + pair] = c[2 * row] * inverse,
-                                                         gradients[gaussian * width + 8 * n + pair + 1] =
-                                                             c[2 * row + 1] * inverse;
+                    put(gaussian, 8 * n + pair, c[2 * row] * inverse);
+                    put(gaussian, 8 * n + pair + 1, c[2 * row + 1] * inverse);
                 } else {  // the pair is (sin f, cos f)
                     const float2 x = tensor::unpack(encoded[n / 2][2 * (n & 1) + row]);
-                    gradients[gaussian * width + (8 * n + pair) / 2] =
-                        (x.y * c[2 * row] - x.x * c[2 * row + 1]) * inverse;
+                    put(gaussian, (8 * n + pair) / 2, (x.y * c[2 * row] - x.x * c[2 * row + 1]) * inverse);
                 }
             }
         }

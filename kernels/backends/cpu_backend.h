@@ -158,6 +158,13 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     void end_projection(ProjectedView& out) override {
         raster_.project(ParameterView<float>::of(state_), projection_.camera, state_.active_degree, projection_.mode,
                         out);
+        out.num_found = std::make_shared<std::uint64_t>(out.splats.size());
+    }
+    void end_projection(ProjectedView& out, std::size_t room) override {
+        end_projection(out);
+        const std::size_t end = std::min<std::size_t>(*out.num_found, room);
+        std::fill_n(out.splats.resize(room) + end, room - end, WireSplat{});
+        std::fill_n(out.rows.resize(room) + end, room - end, kNowhere);
     }
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override {
@@ -168,8 +175,8 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         raster_.forward(in_a_row(splats), request.camera, request.background, out.rgb.data(), out.alpha.data());
         finish_image(request, out);
     }
-    ViewLoss loss_of_splats(const SplatParts& splats, const StepRequest& r, const SumParts<SplatSums<float>>& sums,
-                            std::vector<float>& isp_gradient) override {
+    void loss_of_splats(const SplatParts& splats, const StepRequest& r, const SumParts<SplatSums<float>>& sums,
+                        std::vector<float>& isp_gradient) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp);
         const LossValues loss = view_loss(r, corrected, &splats);
         if (std::isfinite(loss.loss)) {
@@ -180,8 +187,9 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
             write_sums(splats, sums, [](std::int64_t, SplatSums<float>& out) { out = {}; });
         }
         count_work(r);
-        return {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
+        losses_.push_back({loss.loss, loss.l1, loss.ssim, raster_.num_instances()});
     }
+    std::vector<ViewLoss> take_losses() override { return std::exchange(losses_, {}); }
     void distill_splats(const SplatParts& splats, const StepRequest& r) override { distill(r, &splats); }
     double squared_error_of_splats(const SplatParts& splats, const StepRequest& r) override {
         return squared_error(r, &splats);
@@ -562,6 +570,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         CameraParams<float> camera;
         RenderMode mode;
     } projection_{};                    ///< that was begun
+    std::vector<ViewLoss> losses_;      ///< since take_losses()
     std::vector<WireSplat> joined_;     ///< of a view, from all ranks
     std::int64_t common_left_out_ = 0;  ///< steps of shared weights and of PPISP, since take_nonfinite()
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;

@@ -70,9 +70,8 @@ template <class Real, class Model> class CpuRasterizer {
             const StageTimer timer(seconds.preprocess);
             fill_bins(std::int64_t(splats.size()), [&](std::int64_t i, std::int64_t end, BinningInput::Part& bin) {
                 for (; i < end; ++i) {
-                    const Splat<Real>& s = splats_[i] = splats[i].splat(cutoffs_.inverse_alpha);
-                    add_instances(i, splats[i].bounds(s, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile), splats[i].depth,
-                                  bin);
+                    splats_[i] = splats[i].splat(cutoffs_.inverse_alpha);
+                    add_instances(i, splats[i].bounds(tiles_x_ * kCpuTile, tiles_y_ * kCpuTile), splats[i].depth, bin);
                 }
             });
         }
@@ -82,6 +81,9 @@ template <class Real, class Model> class CpuRasterizer {
     /// Computes the splats of the Gaussians that touch a tile of a view.
     void project(const ParameterView<Real>& params, const CameraParams<Real>& camera, int degree, RenderMode mode,
                  ProjectedView& out) {
+        if (std::max(camera.width, camera.height) > kMaxWireSide)
+            throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
+                              " pixels: several ranks take up to " + std::to_string(kMaxWireSide) + " a side");
         begin_view(camera, {}, degree);
         const StageTimer timer(seconds.preprocess);
         const auto view = view_lanes();
@@ -98,10 +100,10 @@ template <class Real, class Model> class CpuRasterizer {
                     const int lane = __builtin_ctz(shown);
                     Splat<Real> s = lanes.splat(lane);
                     tiles.clear();
-                    if (!add_tiles(s, lanes.pixel_bounds(lane), tiles_x_, tiles)) continue;
+                    const PixelBounds bounds = lanes.pixel_bounds(lane);
+                    if (!add_tiles(s, bounds, tiles_x_, tiles)) continue;
                     s.color = color_of(params, first + lane, mode);
-                    p.splats.push_back(
-                        WireSplat::of(s, {lanes.cov_xx[lane], Real(0), lanes.cov_yy[lane]}, lanes.depth[lane]));
+                    p.splats.push_back(WireSplat::of(s, bounds, lanes.depth[lane]));
                     p.rows.push_back(std::uint32_t(first + lane));
                 }
         });

@@ -75,8 +75,8 @@ __global__ void fill_values(std::int64_t n, float value, float* out) {
     if (i < n) out[i] = value;
 }
 
-/// Where the splats of a view need more room than there is, this many times as much is made.
-constexpr double kRoomForSplats = 1.0625;
+/// Where the splats of a view need more room than there is, room for a sixteenth more is made.
+constexpr std::int64_t kMoreSplats = 16;
 
 /// Returns room for so many instances and some more.
 std::int64_t room_for(std::int64_t num_instances) {
@@ -244,7 +244,12 @@ void CudaBackend::lay_out(const Sizes& sizes) {
     if (sizes == sizes_) return;
     sizes_ = {};  // stays empty if there is no memory
     // Ranks have as many splats as a view shows, and would make room again and again. That for a model changes with it.
-    scratch_.carve([&](Carver& c) { take(c, sizes); }, sizes.n == model_.count ? 1 : kRoomForSplats);
+    Sizes some_more = sizes;
+    if (sizes.n != model_.count)
+        some_more.n = std::max(sizes.n, std::min(sizes.n + sizes.n / kMoreSplats, wire_.num_gaussians));
+    Carver room(nullptr);
+    take(room, some_more);
+    scratch_.carve([&](Carver& c) { take(c, sizes); }, room.most());
     sizes_ = sizes;
 }
 
@@ -380,9 +385,13 @@ CudaBins CudaBackend::forward_whole(const RenderRequest& r, bool for_backward) {
     });
 }
 
-const StepStatus& CudaBackend::read_status() {
-    report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
+void CudaBackend::report_to(int slot) {
+    report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_ + slot);
     GS_CUDA_LAUNCHED("report_step");
+}
+
+const StepStatus& CudaBackend::read_status() {
+    report_to(0);
     GS_CUDA(cudaStreamSynchronize(stream_));
     return *statuses_;
 }
@@ -506,8 +515,7 @@ void CudaBackend::enqueue(const Step& s) {
     times_.end(CudaStage::kCorrectBackward, stream_);
     if (s.controller_step) ppisp_.step_controller(image_, r.isp_rate, s.controller_step, control, stream_);
     if (s.adam_step) enqueue_gaussians(s, args, bins);
-    report_step<<<1, 1, 0, stream_>>>(control, statuses_ + s.slot);
-    GS_CUDA_LAUNCHED("report_step");
+    report_to(s.slot);
     GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
 }
 
@@ -593,7 +601,7 @@ void CudaBackend::finish_oldest() {
         return;
     }
     adapt_room(std::int64_t(status.num_instances));
-    note_loss(loss_of(status, s.request, s.target.weight_sum));
+    note_loss(loss_of(status, s.request.lambda_dssim, s.target.weight_sum));
     stats_.num_nonfinite_gradients += status.num_nonfinite;
     if (times_.on)
         times_.count(double(model_.count), status.num_visible,
@@ -603,10 +611,10 @@ void CudaBackend::finish_oldest() {
     in_flight_.pop_front();
 }
 
-ViewLoss CudaBackend::loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const {
+ViewLoss CudaBackend::loss_of(const StepStatus& status, float lambda_dssim, double weight_sum) const {
     const double norm = weight_sum > 0 ? 1 / (3 * weight_sum) : 0, l1 = status.l1 * norm, ssim = status.ssim * norm;
-    return {norm > 0 ? (1 - r.lambda_dssim) * l1 + r.lambda_dssim * (1 - ssim) : 0, l1, ssim,
-            std::int64_t(status.num_instances)};
+    return {norm > 0 ? (1 - lambda_dssim) * l1 + lambda_dssim * (1 - ssim) : 0, l1, ssim,
+            std::int64_t(status.num_instances), !status.stopped};
 }
 
 void CudaBackend::note_loss(const ViewLoss& loss) {

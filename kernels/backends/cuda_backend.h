@@ -71,11 +71,13 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     RankDevice* device() override { return &rank_device_; }
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
     void end_projection(ProjectedView& out) override;
+    void end_projection(ProjectedView& out, std::size_t room) override;
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override;
     void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
-    ViewLoss loss_of_splats(const SplatParts& splats, const StepRequest& request,
-                            const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override;
+    void loss_of_splats(const SplatParts& splats, const StepRequest& request, const SumParts<SplatSums<float>>& sums,
+                        std::vector<float>& isp_gradient) override;
+    std::vector<ViewLoss> take_losses() override;
     void distill_splats(const SplatParts& splats, const StepRequest& request) override;
     double squared_error_of_splats(const SplatParts& splats, const StepRequest& request) override;
     void scores_of_splats(const SplatParts& splats, const RenderRequest& request,
@@ -112,6 +114,12 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         std::int64_t controller_step = 0;  ///< step of a controller; 0: it does not change
         LazyArgs lazy{};
         int slot = 0;
+    };
+    /// A view whose loss was begun, and what turns its status into that loss.
+    struct ViewBegun {
+        std::int64_t id;
+        float lambda_dssim;
+        double weight_sum;
     };
     /// The sizes that the scratch block is laid out for.
     struct Sizes {
@@ -154,19 +162,24 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
     std::vector<float> base_colors() const;
     /// Enqueues the forward pass of splats that came from ranks.
-    CudaBins enqueue_forward(const SplatParts& splats, const RenderRequest& request, bool for_backward);
+    CudaBins enqueue_forward(const SplatParts& splats, const RenderRequest& request, bool for_backward,
+                             std::int64_t most = std::numeric_limits<std::int64_t>::max());
     /// Turns dL_dimage_ into sums of all splats that came, also of those that no tile of this device needs.
     void enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins);
     /// Writes these sums as they are sent.
     void pack_sums_of_splats(const SumParts<SplatSums<float>>& sums);
+    /// Waits for the views whose losses were begun, and makes room for those that did not fit.
+    void finish_views();
     /// Returns the loss that a status holds, and its parts.
-    ViewLoss loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const;
+    ViewLoss loss_of(const StepStatus& status, float lambda_dssim, double weight_sum) const;
     /// Notes the loss of a step in stats_.
     void note_loss(const ViewLoss& loss);
     /// Begins or ends keeping the step that each Gaussian took last. All are up to date where it begins.
     void keep_last_steps(const StepRequest& r);
     /// Returns the arrays of the model that a step uses.
     ModelArrays arrays_of_step(const StepRequest& r);
+    /// Lets the device write what has become of the work in the stream.
+    void report_to(int slot);
     /// Waits, and returns what has become of the work in the stream.
     const StepStatus& read_status();
     void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
@@ -216,17 +229,20 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
 
     /// What only a training over several ranks uses (cuda_shard.cu).
     struct {
-        CameraParams<float> camera{};      ///< of the projection that was begun
+        CameraParams<float> camera{};  ///< of the projection that was begun
+        bool for_step = false;
         DeviceBuffer<std::uint32_t> rows;  ///< of its splats
         DeviceBuffer<std::int64_t> num_rows;
         DeviceBuffer<unsigned char> cub;
-        DeviceBuffer<std::uint32_t> places;  ///< (views, n) as in StepView
         DeviceBuffer<StepView> views;
         DeviceBuffer<SplatsOfRank> parts;       ///< of a view whose splats are put in order
         std::vector<StepView> host_views;       ///< stays as it is while the device is at work
         DeviceBuffer<unsigned> left_out;        ///< since take_nonfinite(): Gaussians' gradients, shared weights'
         std::int64_t corrections_left_out = 0;  ///< steps of PPISP, in the same time
+        std::int64_t num_gaussians = 0;         ///< of all ranks, in the last step
         bool is_updating = false;               ///< the device may still be at work on update_rows()
+        std::vector<ViewBegun> views_begun;     ///< by slot
+        std::vector<ViewLoss> losses;           ///< of views that are done, since take_losses()
     } wire_;
 
     DeviceBuffer<StepControl> control_;

@@ -32,6 +32,13 @@ __global__ void __launch_bounds__(kSharedBlock)
     if (!update_shared(param[k], m[k], v[k], gradient, step, gains)) atomicAdd(left_out, 1u);
 }
 
+/// Returns a number in the host's memory that the device can write.
+std::shared_ptr<std::uint64_t> pinned_number() {
+    std::uint64_t* number = nullptr;
+    GS_CUDA(cudaMallocHost(&number, sizeof *number));
+    return {number, [](std::uint64_t* p) { cudaFreeHost(p); }};
+}
+
 RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, RenderMode::kFull, r.isp}; }
 
 }  // namespace
@@ -42,7 +49,7 @@ void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode
     // After update_rows() no residual is behind, and what follows is on its stream.
     if (!wire_.is_updating || !in_flight_.empty()) settle();
     const std::int64_t n = model_.count;
-    wire_.camera = camera;
+    wire_.camera = camera, wire_.for_step = for_step;
     if (n == 0) return;
     lay_out({n, 1, camera.width, camera.height, false});  // its instances are none of this rank's business
     PreprocessArgs args = for_step ? preprocess_args(camera, mode, {}) : frame_args({camera, {}, mode});
@@ -60,15 +67,26 @@ void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode
 }
 
 void CudaBackend::end_projection(ProjectedView& out) {
-    out.splats.resize(0), out.rows.resize(0);
-    if (model_.count == 0) return;
-    const auto num = std::size_t(read_back(wire_.num_rows.get(), stream_));
+    const std::size_t num = model_.count > 0 ? std::size_t(read_back(wire_.num_rows.get(), stream_)) : 0;
     wire_.is_updating = false;
-    if (num == 0) return;
-    const std::uint32_t* rows = wire_.rows.get();
-    rank_device_.copy(out.rows.resize(num), rows, num * sizeof *rows);
-    pack_splats(rows, std::int64_t(num), preprocess_args(wire_.camera, RenderMode::kFull, {}).params, wire_.camera,
-                splats_, out.splats.resize(num), stream_);
+    end_projection(out, num);
+}
+
+void CudaBackend::end_projection(ProjectedView& out, std::size_t room) {
+    if (!out.num_found) out.num_found = pinned_number();
+    WireSplats to{out.splats.resize(room), nullptr, nullptr, std::int64_t(room), out.num_found.get()};
+    if (model_.count == 0) {
+        *out.num_found = 0;
+        return;
+    }
+    if (wire_.for_step) {
+        to.places = out.places.resize(std::size_t(model_.count));
+        GS_CUDA(cudaMemsetAsync(to.places, 0xff, std::size_t(model_.count) * sizeof *to.places, stream_));
+    } else {
+        to.rows = out.rows.resize(room);
+    }
+    pack_splats(wire_.rows.get(), wire_.num_rows.get(), preprocess_args(wire_.camera, RenderMode::kFull, {}).params,
+                wire_.camera, splats_, to, stream_);
 }
 
 void CudaBackend::order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
@@ -84,8 +102,9 @@ void CudaBackend::order_by_rows(const SplatParts& splats, const RowParts& rows, 
 
 // --- views, of splats from all ranks --------------------------------------------------------------------------------
 
-CudaBins CudaBackend::enqueue_forward(const SplatParts& splats, const RenderRequest& r, bool for_backward) {
-    return enqueue_splats(r.camera, std::int64_t(num_splats(splats)), r.background, for_backward, [&] {
+CudaBins CudaBackend::enqueue_forward(const SplatParts& splats, const RenderRequest& r, bool for_backward,
+                                      std::int64_t most) {
+    const auto fill = [&] {
         const PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
         std::int64_t first = 0;
         for (const auto* part : splats) {
@@ -94,7 +113,8 @@ CudaBins CudaBackend::enqueue_forward(const SplatParts& splats, const RenderRequ
                           args.cutoffs.inverse_alpha, splats_, binning_.input(), control_.get(), stream_);
             first += n;
         }
-    });
+    };
+    return enqueue_splats(r.camera, std::int64_t(num_splats(splats)), r.background, for_backward, fill, most);
 }
 
 CudaBins CudaBackend::forward_whole(const SplatParts& splats, const RenderRequest& r, bool for_backward) {
@@ -106,22 +126,40 @@ void CudaBackend::render_splats(const SplatParts& splats, const RenderRequest& r
     finish_image(r, out);
 }
 
-ViewLoss CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r,
-                                     const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient) {
-    const DeviceTarget target = images_.get(r.target, 0, stream_);
-    forward_whole([&] {
-        const CudaBins bins = enqueue_forward(splats, view_of(r), true);
-        enqueue_loss(r, target);
-        enqueue_sums_of_splats(r, splats, bins);
-        return bins;
-    });
-    const ViewLoss loss = loss_of(*statuses_, r, target.weight_sum);
-    adapt_room(loss.num_instances);
+void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r, const SumParts<SplatSums<float>>& sums,
+                                 std::vector<float>& isp_gradient) {
+    if (wire_.views_begun.size() % kInFlight == 0) finish_views();  // a slot holds one view's image and status
+    const int slot = int(wire_.views_begun.size());
+    const DeviceTarget target = images_.get(r.target, slot, stream_);
+    const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
+    enqueue_loss(r, target);
+    enqueue_sums_of_splats(r, splats, bins);
+    report_to(slot);
+    wire_.views_begun.push_back({r.target.id, r.lambda_dssim, target.weight_sum});
     for (std::size_t part = 0; part < splats.size(); ++part) sums[part]->resize(splats[part]->size());
-    if (!std::isfinite(loss.loss)) return loss;
     pack_sums_of_splats(sums);
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
-    return loss;
+}
+
+void CudaBackend::finish_views() {
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    wire_.is_updating = false;
+    for (std::size_t slot = 0; slot < wire_.views_begun.size(); ++slot) {
+        const ViewBegun& view = wire_.views_begun[slot];
+        const StepStatus& status = statuses_[slot];
+        forecast_.note(view.id, std::int64_t(status.num_instances));
+        if (status.stopped)
+            make_room(status.num_instances);
+        else
+            adapt_room(std::int64_t(status.num_instances));
+        wire_.losses.push_back(loss_of(status, view.lambda_dssim, view.weight_sum));
+    }
+    wire_.views_begun.clear();
+}
+
+std::vector<ViewLoss> CudaBackend::take_losses() {
+    finish_views();
+    return std::exchange(wire_.losses, {});
 }
 
 void CudaBackend::enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins) {
@@ -149,7 +187,7 @@ void CudaBackend::distill_splats(const SplatParts& splats, const StepRequest& r)
     if (r.isp_rate > 0)
         ppisp_.step_controller(image_, r.isp_rate, ppisp_.begin_controller_step(), control_.get(), stream_);
     const StepStatus status = read_status();
-    note_loss(loss_of(status, r, target.weight_sum));
+    note_loss(loss_of(status, r.lambda_dssim, target.weight_sum));
     stats_.num_nonfinite_gradients += status.num_nonfinite;
 }
 
@@ -209,6 +247,7 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
                               const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                               RankArray<float>& shared_gradient) {
     synchronize();
+    wire_.num_gaussians = num_gaussians;
     const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
     const int num_shared = kernels_.shared.count, num_views = int(views.size());
     if (num_shared > 0) {
@@ -218,14 +257,10 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     if (!wire_.left_out.get()) GS_CUDA(cudaMemsetAsync(wire_.left_out.reserve(2), 0, 2 * sizeof(unsigned), stream_));
     if (n == 0) return;
     if (num_shared > 0) lay_out({n, 1, views[0].camera.width, views[0].camera.height, true});  // for their sums
-    std::uint32_t* places = wire_.places.reserve(std::size_t(num_views) * std::size_t(n));
     std::vector<StepView>& step_views = wire_.host_views;
     step_views.clear();
-    for (std::size_t v = 0; v < views.size(); ++v) {
-        step_views.push_back({views[v].camera, places + std::int64_t(v) * n, sums[v].data()});
-        note_places(projected[v].rows.data(), std::int64_t(projected[v].rows.size()), n, places + std::int64_t(v) * n,
-                    stream_);
-    }
+    for (std::size_t v = 0; v < views.size(); ++v)
+        step_views.push_back({views[v].camera, projected[v].places.data(), sums[v].data()});
     StepView* on_device = wire_.views.reserve(step_views.size());
     rank_device_.copy(on_device, step_views.data(), step_views.size() * sizeof(StepView));
     PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
@@ -239,8 +274,8 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     wire_.is_updating = true;
     // Without a residual that is shown the weights have no gradient.
     if (num_shared > 0 && num_residuals > 0)
-        sum_rows(shared_sums_, num_blocks(n, kernels_.shared.gaussians_per_sum), num_shared, 1 / float(num_views),
-                 shared_gradient.data(), stream_);
+        sum_rows(shared_sums_, num_blocks(n, kernels_.shared.gaussians_per_sum), num_shared, shared_gradient.data(),
+                 stream_);
 }
 
 namespace {

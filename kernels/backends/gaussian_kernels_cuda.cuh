@@ -244,8 +244,9 @@ template <class Model> constexpr int update_blocks_at_once() {
 
 /// Computes the gradients of what this lane's Gaussian shows to `eye`, in a warp of which some lanes' residuals are
 /// `shown` and lie in `space`: those of the residuals' parameters in space.gradients, which are 0 before, and that of y
-/// = base + residual. sums() are those of the Gaussian. Returns the gradient of the mean through the direction.
-template <class Model, class Sums>
+/// = base + residual. sums() are those of the Gaussian. Returns the gradient of the mean through the direction. With
+/// kAdds it adds to space.gradients.
+template <class Model, bool kAdds = false, class Sums>
 __device__ inline Vec3<float> appearance_gradient(const PreprocessArgs& a, const Vec3<float>& eye, std::int64_t i,
                                                   bool shown, Sums&& sums, WarpAppearance<Model>& appearance,
                                                   WarpSpace<Model>& space, int width, Vec3<float>& dL_dy) {
@@ -253,8 +254,8 @@ __device__ inline Vec3<float> appearance_gradient(const PreprocessArgs& a, const
     const Vec3<float> residual = appearance.residual(space.memory.rows, width, direction.unit, a.degree, shown);
     const bool finite = shown && color_gradient(a, i, residual, sums(), dL_dy);
     Vec3<float> dL_ddirection;
-    appearance.backward(space.memory.rows, width, direction.unit, a.degree, finite, dL_dy, space.gradients,
-                        dL_ddirection);
+    appearance.template backward<kAdds>(space.memory.rows, width, direction.unit, a.degree, finite, dL_dy,
+                                        space.gradients, dL_ddirection);
     return shown ? direction_pullback(direction, dL_ddirection) : Vec3<float>{0, 0, 0};
 }
 
@@ -442,20 +443,20 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     }
 }
 
-/// Returns the number of Gaussians of a block of step_on_views, which keeps one more row of each than the backward pass
-/// of one view.
+/// Returns the number of Gaussians of a block of step_on_views, and how many blocks a multiprocessor should hold.
 template <class Model> constexpr int views_block() { return kNumSharedOf<Model> == 0 ? 64 : 128; }
+template <class Model> constexpr int views_blocks_at_once() { return kNumSharedOf<Model> == 0 ? 8 : 4; }
 
 /// Computes the mean gradients of the views, and takes the optimizer's step on them. No residual is behind. Adds each
-/// view to the statistic of ADC, and to *num_nonfinite the Gaussians with a gradient that it leaves out. The sums of
-/// the shared weights' gradients are those of all views together.
+/// view to the statistic of ADC. Leaves out what is not finite: of a view the gradients of geometry and colour, and if
+/// the sum over the views is not finite, all of the Gaussian. Adds to *num_nonfinite the Gaussians of which something
+/// is left out. The sums of the shared weights' gradients are those of all views together.
 template <class Model>
-__global__ void __launch_bounds__(views_block<Model>())
+__global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Model>())
     step_on_views(PreprocessArgs a, const StepView* __restrict__ views, int num_views, ModelArrays arrays,
                   UpdateArgs update, std::uint32_t step, unsigned* __restrict__ num_nonfinite) {
     constexpr int kBlock = views_block<Model>(), kWidth = RowMemory<Model>::kWidth, kShared = kNumSharedOf<Model>;
     __shared__ WarpBytes<Model> warps[kBlock / 32];
-    __shared__ alignas(16) float totals[kBlock / 32][32 * kWidth];
     __shared__ AdamStep<float> column_steps[kWidth];
     if (update.per_column) {
         for (int k = threadIdx.x; k < kWidth; k += kBlock) column_steps[k] = update.residual_steps[k];
@@ -467,29 +468,32 @@ __global__ void __launch_bounds__(views_block<Model>())
     const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0;
     const bool owns = with_residual && i < a.params.num_residuals;
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
-    const float view_weight = 1 / float(num_views);
     WarpSpace<Model>& space = warps[warp].space();
-    float *gradients = space.gradients, *total = totals[warp];
+    float* gradients = space.gradients;
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
-    const unsigned rows = __ballot_sync(~0u, owns);
-    if (rows) space.memory.load(a, i - lane, rows, 0);
-    for (int k = lane; k < 32 * width; k += 32) total[k] = 0;
-    GaussianGradient<float> mean{};
     bool moves = valid && !arrays.last_step, any = false, finite = true;
-    for (int v = 0; v < num_views; ++v) {
+    for (int v = 0; v < num_views; ++v) moves |= valid && views[v].places[i] != kNowhere;
+    // A warp of which nothing moves has nothing to read.
+    const unsigned moving = __ballot_sync(~0u, owns && moves);
+    const unsigned rows = __popc(moving) >= kManyVisible ? __ballot_sync(~0u, owns) : moving;
+    const int views_of_warp = __any_sync(~0u, moves) ? num_views : 0;
+    if (rows) {
+        space.memory.load(a, i - lane, rows, 0);
+        for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
+        __syncwarp();
+    }
+    GaussianGradient<float> mean{};
+    for (int v = 0; v < views_of_warp; ++v) {
         const StepView& view = views[v];
-        const std::uint32_t place = valid ? view.places[i] : StepView::kNowhere;
-        const bool visible = place != StepView::kNowhere, shown = owns && visible;
-        const unsigned seen = __ballot_sync(~0u, shown);
-        moves |= visible;
-        const auto sums = [&] { return view.sums[place]; };
+        const std::uint32_t place = valid ? view.places[i] : kNowhere;
+        const bool visible = place != kNowhere, shown = owns && visible;
+        // Gradients are linear in the sums.
+        const auto sums = [&] { return view.sums[place] * (1 / float(num_views)); };
         GaussianGradient<float> gradient{};
         Vec3<float> dL_dmean{0, 0, 0};
-        if (seen) {
-            for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
-            __syncwarp();
-            dL_dmean = appearance_gradient<Model>(a, view.camera.position, i, shown, sums, appearance, space, width,
-                                                  gradient.base);
+        if (__any_sync(~0u, shown)) {
+            dL_dmean = appearance_gradient<Model, true>(a, view.camera.position, i, shown, sums, appearance, space,
+                                                        width, gradient.base);
             any = true;
         }
         if (visible) {
@@ -497,24 +501,23 @@ __global__ void __launch_bounds__(views_block<Model>())
             if (!shown) color_gradient(a, i, {0, 0, 0}, s, gradient.base);
             geometry_backward(a.params.geometry(i), view.camera, s, gradient);
             gradient.geometry.mean += dL_dmean;
-            if (drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
-                add_gradient_statistic(arrays, view.camera.width, view.camera.height, i, gradient);
+            if (drop_nonfinite(gradient, nullptr, 0))
+                add_gradient_statistic(arrays, num_views * view.camera.width, num_views * view.camera.height, i,
+                                       gradient);
             else
                 finite = false;
-            mean.add(gradient, view_weight);
+            mean.add(gradient, 1.0f);
         }
-        __syncwarp();
-        if (seen)
-            for (int k = lane; k < 32 * width; k += 32) total[k] += view_weight * gradients[k];
-        __syncwarp();
     }
+    __syncwarp();
+    if (!drop_nonfinite(mean, gradients + lane * width, owns && moves ? width : 0)) finite = false;
     if (!finite) atomicAdd(num_nonfinite, 1u);
     const float turns = valid ? update.turns(arrays, i, moves) : 0;
     if (valid) update_gaussian_of_warp(a, arrays, update, i, turns, mean);
-    if (const unsigned moving = __ballot_sync(~0u, owns && moves)) {
+    if (moving) {
         const unsigned stale = decay_moments(turns, update, space);
-        update_residuals_of_warp<Model>(__popc(moving) >= kManyVisible ? rows : moving, moving, stale, space, total,
-                                        i - lane, mix_bits(step), arrays, update, column_steps);
+        update_residuals_of_warp<Model>(rows, moving, stale, space, gradients, i - lane, mix_bits(step), arrays, update,
+                                        column_steps);
     }
     if constexpr (kShared > 0) {
         if (with_residual)
@@ -603,8 +606,7 @@ void launch_step_on_views(const PreprocessArgs& args, const StepView* views, int
                           const UpdateArgs& update, std::uint32_t step, unsigned* num_nonfinite, cudaStream_t stream) {
     constexpr int kBlock = views_block<Model>();
     static_assert(kBlock <= update_block<Model>());
-    static_assert(kBlock / 32 * (sizeof(WarpBytes<Model>) + sizeof(float) * 32 * RowMemory<Model>::kWidth) < 47 * 1024,
-                  "the rows of a block must fit into shared memory");
+    static_assert(kBlock / 32 * sizeof(WarpBytes<Model>) < 47 * 1024, "a block must fit into shared memory");
     step_on_views<Model><<<num_blocks(args.params.count, kBlock), kBlock, 0, stream>>>(args, views, num_views, arrays,
                                                                                        update, step, num_nonfinite);
     GS_CUDA_LAUNCHED("step_on_views");

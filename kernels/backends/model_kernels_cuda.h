@@ -10,6 +10,7 @@
 #include "kernels/optimizer/update_device.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/binning_cuda.h"
+#include "kernels/splat/wire_splat.h"
 
 namespace gs {
 
@@ -43,7 +44,6 @@ struct PreprocessArgs {
 
 /// A view of a step on several, whose sums may come from another rank. The pointers are on the device.
 struct StepView {
-    static constexpr std::uint32_t kNowhere = ~0u;
     CameraParams<float> camera;
     const std::uint32_t* places;  ///< (n) of each Gaussian in `sums`; kNowhere if it was not visible
     const SplatSums<float>* sums;

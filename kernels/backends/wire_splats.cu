@@ -2,6 +2,9 @@
 // One thread a splat. The tiles are found as in preprocessing, by the same code with the same flags, but for the
 // rounding of a conic that was scaled and scaled back.
 #include "kernels/backends/wire_splats_cuda.h"
+
+#include <algorithm>
+
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/place_splat_cuda.cuh"
 
@@ -10,16 +13,39 @@ namespace {
 
 constexpr int kWireBlock = 128;
 
+/// Writes the values of a block's first `num` threads word by word, so that neighbouring threads write neighbouring
+/// words. All threads of the block call it.
+template <class T> __device__ void write_in_a_row(T* out, int num, const T& value) {
+    constexpr int kWords = sizeof(T) / sizeof(std::uint32_t);
+    __shared__ std::uint32_t words[kWireBlock * kWords];
+    if (int(threadIdx.x) < num) reinterpret_cast<T*>(words)[threadIdx.x] = value;
+    __syncthreads();
+    auto* to = reinterpret_cast<std::uint32_t*>(out);
+    for (int w = threadIdx.x; w < num * kWords; w += kWireBlock) to[w] = words[w];
+}
+
+/// Returns how many of a block's threads have one of `num` values.
+__device__ int num_of_block(std::int64_t num) {
+    const std::int64_t left = num - std::int64_t(blockIdx.x) * kWireBlock;
+    return int(left < 0 ? 0 : left < kWireBlock ? left : kWireBlock);
+}
+
 __device__ std::int64_t wire_index() { return std::int64_t(blockIdx.x) * kWireBlock + threadIdx.x; }
 
 __global__ void __launch_bounds__(kWireBlock)
-    pack(const std::uint32_t* __restrict__ rows, std::int64_t num, ParameterView<float> params,
-         CameraParams<float> camera, const PackedSplat* __restrict__ splats, WireSplat* __restrict__ out) {
+    pack(const std::uint32_t* __restrict__ rows, const std::int64_t* __restrict__ num, ParameterView<float> params,
+         CameraParams<float> camera, const PackedSplat* __restrict__ splats, WireSplats out) {
     const std::int64_t k = wire_index();
-    if (k >= num) return;
-    Projection<float> projection{};
-    project_geometry(params.geometry(rows[k]), camera, projection);
-    out[k] = WireSplat::of(splats[rows[k]].splat(), projection.cov2d, projection.cam.z);
+    if (k == 0) *out.num_found = std::uint64_t(*num);
+    WireSplat wire{};
+    if (k < *num && k < out.room) {
+        const std::uint32_t row = rows[k];
+        const PackedSplat splat = splats[row];
+        wire = WireSplat::of(splat.splat(), splat.bounds(), camera_point(params.mean(row), camera).z);
+        if (out.rows) out.rows[k] = row;
+        if (out.places) out.places[row] = std::uint32_t(k);
+    }
+    write_in_a_row(out.splats + (k - threadIdx.x), num_of_block(out.room), wire);
 }
 
 __global__ void __launch_bounds__(kWireBlock)
@@ -36,7 +62,7 @@ __global__ void __launch_bounds__(kWireBlock)
     if (exists) {
         mine = wire[k];
         s = mine.splat(inverse_alpha);
-        b = mine.bounds(s, width_padded, height_padded);
+        b = mine.bounds(width_padded, height_padded);
     }
     const TileTest tiles = test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min);
     if (exists) place_splat(first + k, s, b, tiles, depth_key, mine.depth, splats, out);
@@ -53,21 +79,16 @@ __global__ void __launch_bounds__(kWireBlock)
 __global__ void __launch_bounds__(kWireBlock)
     pack(const PackedSums* __restrict__ sums, std::int64_t num, SplatSums<float>* __restrict__ out) {
     const std::int64_t k = wire_index();
-    if (k < num) out[k] = sums[k].sums();
-}
-
-__global__ void __launch_bounds__(kWireBlock)
-    note_rows(const std::uint32_t* __restrict__ rows, std::int64_t num, std::uint32_t* __restrict__ places) {
-    const std::int64_t k = wire_index();
-    if (k < num) places[rows[k]] = std::uint32_t(k);
+    write_in_a_row(out + (k - threadIdx.x), num_of_block(num), k < num ? sums[k].sums() : SplatSums<float>{});
 }
 
 }  // namespace
 
-void pack_splats(const std::uint32_t* rows, std::int64_t num, const ParameterView<float>& params,
-                 const CameraParams<float>& camera, const PackedSplat* splats, WireSplat* out, cudaStream_t stream) {
-    if (num == 0) return;
-    pack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(rows, num, params, camera, splats, out);
+void pack_splats(const std::uint32_t* rows, const std::int64_t* num, const ParameterView<float>& params,
+                 const CameraParams<float>& camera, const PackedSplat* splats, const WireSplats& out,
+                 cudaStream_t stream) {
+    const unsigned blocks = std::max(1u, num_blocks(out.room, kWireBlock));
+    pack<<<blocks, kWireBlock, 0, stream>>>(rows, num, params, camera, splats, out);
     GS_CUDA_LAUNCHED("pack");
 }
 
@@ -94,14 +115,6 @@ void pack_sums(const PackedSums* sums, std::int64_t num, SplatSums<float>* out, 
     if (num == 0) return;
     pack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(sums, num, out);
     GS_CUDA_LAUNCHED("pack");
-}
-
-void note_places(const std::uint32_t* rows, std::int64_t num, std::int64_t n, std::uint32_t* places,
-                 cudaStream_t stream) {
-    GS_CUDA(cudaMemsetAsync(places, 0xff, std::size_t(n) * sizeof *places, stream));
-    if (num == 0) return;
-    note_rows<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(rows, num, places);
-    GS_CUDA_LAUNCHED("note_rows");
 }
 
 }  // namespace gs

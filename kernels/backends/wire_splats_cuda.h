@@ -13,9 +13,20 @@
 
 namespace gs {
 
-/// Packs the splats of `num` Gaussians, whose rows these are. All pointers are on the device.
-void pack_splats(const std::uint32_t* rows, std::int64_t num, const ParameterView<float>& params,
-                 const CameraParams<float>& camera, const PackedSplat* splats, WireSplat* out, cudaStream_t stream);
+/// Room for the splats of a view on the device.
+struct WireSplats {
+    WireSplat* splats;      ///< (room)
+    std::uint32_t* rows;    ///< (room) rows of the splats, or null
+    std::uint32_t* places;  ///< (n) splats of the rows, kNowhere before; or null
+    std::int64_t room;
+    std::uint64_t* num_found;  ///< in the host's memory
+};
+
+/// Packs the splats of `*num` Gaussians, whose rows these are, as Shard::end_projection says. Pointers are on the
+/// device.
+void pack_splats(const std::uint32_t* rows, const std::int64_t* num, const ParameterView<float>& params,
+                 const CameraParams<float>& camera, const PackedSplat* splats, const WireSplats& out,
+                 cudaStream_t stream);
 
 /// Unpacks `num` splats for a view padded to whole tiles, with all that binning reads, from place `first` of the view
 /// on. Adds to the view's counts.
@@ -29,8 +40,5 @@ void merge_splats(const std::vector<SplatsOfRank>& parts, const SplatsOfRank* pa
 
 /// Writes sums as they are sent.
 void pack_sums(const PackedSums* sums, std::int64_t num, SplatSums<float>* out, cudaStream_t stream);
-/// Writes to `places` (n) where the Gaussians are that `rows` names: the k-th at k, all others at ~0.
-void note_places(const std::uint32_t* rows, std::int64_t num, std::int64_t n, std::uint32_t* places,
-                 cudaStream_t stream);
 
 }  // namespace gs

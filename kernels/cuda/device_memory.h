@@ -158,14 +158,14 @@ class Carver {
 class Scratch {
   public:
     /// Runs layout(Carver&) twice, first to count and then to take; it must ask for the same both times. Pieces taken
-    /// before become invalid. The block grows to `room` times what the layout needs.
-    template <class Layout> void carve(Layout&& layout, double room = 1) {
+    /// before become invalid. Where the block grows, it grows to at least `room` bytes.
+    template <class Layout> void carve(Layout&& layout, std::size_t room = 0) {
         Carver count(nullptr);
         layout(count);
         std::size_t bytes = count.most();
         if (bytes > std::size_t(block_.bytes())) {
             release();
-            bytes = std::size_t(room * double(bytes));
+            bytes = std::max(bytes, room);
         }
         Carver c(block_.reserve(bytes));
         layout(c);

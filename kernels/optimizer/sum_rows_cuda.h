@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// Writes a share of the sum of `rows` rows to `out` (width). Adds in a fixed order.
-void sum_rows(const float* in, std::int64_t rows, int width, float share, float* out, cudaStream_t stream);
+/// Writes the sum of `rows` rows to `out` (width). Adds in a fixed order.
+void sum_rows(const float* in, std::int64_t rows, int width, float* out, cudaStream_t stream);
 
 }  // namespace gs

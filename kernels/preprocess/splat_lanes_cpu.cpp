@@ -96,7 +96,7 @@ unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, cons
     s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
     s.threshold = splat_threshold(s.opacity, view.inverse_alpha);
     out.bounds = ellipse_bounds(s.mean, p.cov2d, touch_threshold(s), view.width_padded, view.height_padded);
-    out.depth = depth, out.cov_xx = p.cov2d.xx, out.cov_yy = p.cov2d.yy;
+    out.depth = depth;
     const L one(Real(1));  // bounds are whole numbers
     return shown & mask_bits(at_least(out.bounds.x_max, out.bounds.x_min + one) &
                              at_least(out.bounds.y_max, out.bounds.y_min + one));

@@ -23,7 +23,7 @@ template <class Real> struct ViewLanes {
 template <class Real> struct SplatLanes {
     Splat<Lanes<Real>> splats;
     Rectangle<Lanes<Real>> bounds;
-    Lanes<Real> depth, cov_xx, cov_yy;
+    Lanes<Real> depth;
 
     /// Returns a splat that is shown. Its colour is undefined.
     Splat<Real> splat(int lane) const {

@@ -74,6 +74,11 @@ class Communicator {
     /// Begins what exchange() does. By a link the arrays are sent when the device has done what it marked last, and
     /// received while it goes on; without one all is done when the function returns.
     void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device);
+    /// Waits until the device has been told of all that was begun. Before, the memory of the arrays must not be given
+    /// back.
+    void settle() {
+        if (link_) finish_on_device();
+    }
     /// Lets all that the device is told from now on wait for what was begun. It must not be told to change or to read
     /// the arrays before.
     void finish(RankDevice* device);

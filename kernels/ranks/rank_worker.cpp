@@ -25,7 +25,7 @@ struct NoSum {};
 
 std::vector<ShownView> shown(const std::vector<StepRequest>& steps, bool for_step) {
     std::vector<ShownView> views;
-    for (const StepRequest& step : steps) views.push_back({step.camera, RenderMode::kFull, for_step});
+    for (const StepRequest& step : steps) views.push_back({step.camera, RenderMode::kFull, for_step, step.target.id});
     return views;
 }
 
@@ -36,6 +36,7 @@ RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targe
       backend_(backend),
       shard_(shard_of(backend)),
       targets_(std::move(targets)),
+      makes_rooms_(shard_.device() && (ranks_.size() == 1 || ranks_.link())),
       ordered_(shard_.device()),
       shared_(shard_.device()),
       shared_of_all_ranks_(shard_.device()) {
@@ -57,8 +58,19 @@ std::size_t RankWorker::rank_after(std::size_t offset) const {
     return (std::size_t(ranks_.rank()) + offset) % std::size_t(ranks_.size());
 }
 
-void RankWorker::bring_target(StepRequest& request) const {
-    if (!request.target.u8 && !request.target.f32) request.target = targets_(request);
+StepRequest RankWorker::with_target(const StepRequest& request) const {
+    StepRequest out = request;
+    if (!out.target.u8 && !out.target.f32) out.target = targets_(request);
+    return out;
+}
+
+template <class Fn> auto RankWorker::on_received(Fn&& fn) {
+    try {
+        return fn();
+    } catch (const Error&) {
+        if (ranks_.stop_token().stop_requested()) all_gather(ranks_, 0);  // it throws
+        throw;
+    }
 }
 
 template <class Sum, class Fn>
@@ -71,16 +83,9 @@ void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<S
             order_by_rows(first, views.size());
         else
             place_sums(first, views.size(), sums);
-        try {
-            if (mine < views.size()) view(mine);
-        } catch (const Error&) {
-            // Where another rank is lost the splats are not what it sent. The exchange throws and says so.
-            if (ranks_.stop_token().stop_requested()) all_gather(ranks_, 0);
-            throw;
-        }
+        if (mine < views.size()) on_received([&] { view(mine); });
         if constexpr (!std::is_same_v<Sum, NoSum>) scatter_sums(first, views.size(), sums);
     }
-    ranks_.finish(shard_.device());
 }
 
 void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t first) {
@@ -89,22 +94,33 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
     const auto begin_projection = [&](std::size_t view) {
         if (view < views.size()) shard_.begin_projection(views[view].camera, views[view].mode, views[view].for_step);
     };
-    const bool renders = first + rank_after(0) < views.size();
+    const bool foreseen = makes_rooms_ && views[first].for_step;
+    const auto end_projection = [&](std::size_t view) {
+        if (foreseen)
+            shard_.end_projection(projected_[view], room(views[view].id, rank_after(0)));
+        else
+            shard_.end_projection(projected_[view]);
+    };
+    const std::size_t mine = first + rank_after(0);
+    const bool renders = mine < views.size();
     // Views of other ranks come first, so that their splats are on their way while the next view is projected.
     begin_projection(first + rank_after(1));
     for (std::size_t offset = 1; offset < num_ranks; ++offset) {
         const std::size_t to = rank_after(offset), from = rank_after(num_ranks - offset), view = first + to;
         const bool sends = view < views.size();
-        if (sends) shard_.end_projection(projected_[view]);
+        if (sends) end_projection(view);
         if (device) device->mark();
         begin_projection(first + rank_after(offset + 1));
         const std::vector<std::uint64_t> sent = {sends ? projected_[view].splats.size() : 0};
-        std::vector<std::uint64_t> received = {0};
+        std::vector<std::uint64_t> received = {renders && foreseen ? room(views[mine].id, from) : 0};
         std::vector<ConstBytes> out(num_ranks);
         std::vector<Bytes> in(num_ranks);
-        if (sends) out[to] = bytes_of(sent);
-        if (renders) in[from] = room_of(received);
-        ranks_.exchange(out, in);
+        if (!foreseen) {
+            if (sends) out[to] = bytes_of(sent);
+            if (renders) in[from] = room_of(received);
+            ranks_.exchange(out, in);
+        }
+        ranks_.settle();  // sums of the round before lie there
         received_[from].resize(received[0]);
         if (sends) out[to] = std::as_const(projected_[view]).splats.bytes();
         in[from] = received_[from].bytes();
@@ -113,8 +129,7 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
     }
     splats_.clear();
     if (!renders) return ranks_.finish(device);
-    const std::size_t mine = first + rank_after(0);
-    shard_.end_projection(projected_[mine]);
+    end_projection(mine);
     for (const auto& part : received_) splats_.push_back(&part);
     splats_[rank_after(0)] = &projected_[mine].splats;
     ranks_.finish(device);
@@ -234,20 +249,54 @@ void RankWorker::render(const std::vector<RenderRequest>& views, std::vector<Ren
     }
 }
 
+void RankWorker::begin_losses(const std::vector<StepRequest>& views, std::vector<float>& isp_gradient) {
+    isp_gradient.assign(isp_size_, 0.0f);
+    render_views(shown(views, true), sums_, [&](std::size_t k) {
+        shard_.loss_of_splats(splats_, with_target(views[k]), sums_.parts, isp_gradient);
+    });
+}
+
+bool RankWorker::gather_losses(const std::vector<StepRequest>& views, std::vector<ViewLoss>& losses) {
+    const std::size_t num_ranks = received_.size();
+    std::vector<ViewReport> own(views.size());
+    auto next = rank_after(0);
+    for (const ViewLoss& loss : on_received([&] { return shard_.take_losses(); })) {
+        own[next].loss = loss;
+        next += num_ranks;
+    }
+    ranks_.finish(shard_.device());
+    for (std::size_t k = 0; k < views.size(); ++k) own[k].num_splats = *projected_[k].num_found;
+    const auto all = all_gather(ranks_, own);
+    bool fit = true;
+    std::vector<double> shares(views.size());
+    for (std::size_t k = 0; k < views.size(); ++k) {
+        losses[k] = all[k % num_ranks][k].loss;
+        fit = fit && losses[k].fits;
+        double share = 0;
+        for (std::size_t r = 0; r < num_ranks && makes_rooms_; ++r) {
+            const std::uint64_t num = all[r][k].num_splats;
+            fit = fit && num <= room(views[k].target.id, r);
+            if (num > 0) share = std::max(share, double(num) / double(rows_[r].count));
+        }
+        shares[k] = share;
+    }
+    // All have been compared with the room that they had.
+    for (std::size_t k = 0; k < views.size() && makes_rooms_; ++k) rooms_.note(views[k].target.id, shares[k]);
+    return fit;
+}
+
 StepStats RankWorker::step(std::vector<StepRequest> views) {
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
     std::vector<ViewLoss> losses(views.size());
-    std::vector<float> isp_gradient(isp_size_, 0.0f);
-    render_views(shown(views, true), sums_, [&](std::size_t k) {
-        bring_target(views[k]);
-        losses[k] = shard_.loss_of_splats(splats_, views[k], sums_.parts, isp_gradient);
-    });
-    const auto all_losses = all_gather(ranks_, losses);
+    std::vector<float> isp_gradient;
+    do {
+        begin_losses(views, isp_gradient);
+    } while (!gather_losses(views, losses));
     StepStats stats;
     stats.steps = 1;
     const double mean = 1 / double(views.size());
     for (std::size_t k = 0; k < views.size(); ++k) {
-        const ViewLoss& one = all_losses[k % all_losses.size()][k];
+        const ViewLoss& one = losses[k];
         stats.loss += mean * one.loss, stats.l1 += mean * one.l1, stats.ssim += mean * one.ssim;
         stats.num_instances += one.num_instances;
     }
@@ -328,10 +377,8 @@ ResidualScores RankWorker::residual_scores(std::size_t num_views,
     const std::vector<Vec3<float>> bases = shard_.colors_without_residual();
     for (std::size_t first = 0; first < num_views; first += std::size_t(ranks_.size())) {
         std::vector<StepRequest> some = batch_on(first);
-        render_views(shown(some, false), sums, [&](std::size_t k) {
-            bring_target(some[k]);
-            shard_.residuals_of_splats(splats_, some[k], sums.parts);
-        });
+        render_views(shown(some, false), sums,
+                     [&](std::size_t k) { shard_.residuals_of_splats(splats_, with_target(some[k]), sums.parts); });
         for (std::size_t k = 0; k < some.size(); ++k)
             add_view_to(totals, projected_[k], sums.of_view[k].values(), bases);
     }

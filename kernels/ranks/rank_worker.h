@@ -12,6 +12,7 @@
 #include "kernels/ranks/communicator.h"
 #include "kernels/ranks/dealt_rows.h"
 #include "kernels/ranks/shard.h"
+#include "kernels/ranks/splat_rooms.h"
 
 namespace gs {
 
@@ -32,6 +33,13 @@ struct ShownView {
     CameraParams<float> camera;
     RenderMode mode = RenderMode::kFull;
     bool for_step = false;
+    std::int64_t id = -1;  ///< of a training view
+};
+
+/// What a rank says of a view when a step was computed.
+struct ViewReport {
+    ViewLoss loss;                 ///< from the rank that renders it
+    std::uint64_t num_splats = 0;  ///< of the rank's own Gaussians
 };
 
 /// Sums over pixels of splats in several views: in the host's memory, or on a device in the place of the splats.
@@ -104,9 +112,9 @@ class RankWorker {
 
   private:
     /// Projects `views` and calls view(k) on the rank that renders view k, when its splats are in splats_. With `sums`,
-    /// view(k) fills sums.parts for splats_, and afterwards sums.of_view[k] has those of the splats of projected_[k],
-    /// whose memory it may have. Views without sums have their splats in the order of the whole model's rows, the
-    /// others by rank.
+    /// view(k) fills sums.parts for splats_, and after Communicator::finish() sums.of_view[k] has those of the splats
+    /// of projected_[k], whose memory it may have. Views without sums have their splats in the order of the whole
+    /// model's rows, the others by rank.
     template <class Sum, class Fn>
     void render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view);
     /// Projects the views from `first` on, one for each rank or until `views` end, and brings those of the view that
@@ -114,7 +122,7 @@ class RankWorker {
     void gather_splats(const std::vector<ShownView>& views, std::size_t first);
     /// Sets sums.parts for the view that this rank renders, of those from `first` on.
     template <class Sum> void place_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums);
-    /// Brings the sums of the views from `first` on to the ranks that have the splats.
+    /// Begins to bring the sums of the views from `first` on to the ranks that have the splats.
     template <class Sum> void scatter_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums);
     /// Sorts splats_ by their rows in the whole model. All ranks call it, with the view that each of the ranks from 0
     /// on renders.
@@ -123,7 +131,18 @@ class RankWorker {
     std::size_t rank_after(std::size_t offset) const;
     /// Returns the gradients of the shared weights by all ranks (ranks, shared_row()); shared_ has the own.
     const RankArray<float>& gather_shared();
-    void bring_target(StepRequest& request) const;
+    /// Returns the request with the pixels of its view.
+    StepRequest with_target(const StepRequest& request) const;
+    /// Calls fn() on splats that came from other ranks. Where one of these is lost they are not what it sent; then it
+    /// throws what says so instead of the error that comes of it.
+    template <class Fn> auto on_received(Fn&& fn);
+    /// Begins to compute the losses of the views and the sums of all splats.
+    void begin_losses(const std::vector<StepRequest>& views, std::vector<float>& isp_gradient);
+    /// Waits for the losses of all ranks and writes them. Returns false on all ranks if a view had too little room
+    /// anywhere: there is room for it then.
+    bool gather_losses(const std::vector<StepRequest>& views, std::vector<ViewLoss>& losses);
+    /// Returns the room that a rank's splats of a view have.
+    std::size_t room(std::int64_t view, std::size_t rank) const { return rooms_.room(view, rows_[rank].count); }
 
     Communicator& ranks_;
     Backend& backend_;
@@ -131,7 +150,9 @@ class RankWorker {
     const TargetSource targets_;
     std::vector<RankRows> rows_;
     std::int64_t num_gaussians_ = 0;
-    std::size_t isp_size_ = 0;                       ///< values of PPISP
+    std::size_t isp_size_ = 0;  ///< values of PPISP
+    const bool makes_rooms_;    ///< for splats of steps, so that nobody waits for their number
+    SplatRooms rooms_;
     std::vector<ProjectedView> projected_;           ///< per view: the rank's splats
     std::vector<RankArray<WireSplat>> received_;     ///< by rank: splats of the view that is rendered, from the others
     SplatParts splats_;                              ///< of the view that is rendered

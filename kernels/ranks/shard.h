@@ -3,6 +3,7 @@
 // (docs/math/ranks.md).
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "kernels/blend/residual_score.h"
@@ -14,13 +15,17 @@
 
 namespace gs {
 
-/// The splats of some Gaussians in one view, and the rows of these, ascending.
+/// The splats of some Gaussians in one view, in the order of their rows.
 struct ProjectedView {
     /// Makes an empty one in the memory of `device`, or of the host where that is null.
-    explicit ProjectedView(RankDevice* device = nullptr) : splats(device), rows(device) {}
+    explicit ProjectedView(RankDevice* device = nullptr) : splats(device), rows(device), places(device) {}
 
     RankArray<WireSplat> splats;
-    RankArray<std::uint32_t> rows;
+    RankArray<std::uint32_t> rows;    ///< of the splats, but not of a step's on a device
+    RankArray<std::uint32_t> places;  ///< of a step's on a device: (Gaussians) the splat of each, kNowhere if none
+    /// How many the view has, which may be more than there was room for. The host sees it once the shard has returned
+    /// from take_losses().
+    std::shared_ptr<std::uint64_t> num_found;
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
 
@@ -49,6 +54,7 @@ template <class Sum, class Write> void write_sums(const SplatParts& splats, cons
 struct ViewLoss {
     double loss = 0, l1 = 0, ssim = 0;
     std::int64_t num_instances = 0;
+    bool fits = true;  ///< whether there was room for the instances; if not, the rest means nothing
 };
 
 /// The sums of one splat over the pixels of a view that say what its residual is worth.
@@ -104,17 +110,23 @@ class Shard {
     virtual void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) = 0;
     /// Writes the splats of the projection that was begun, the only one.
     virtual void end_projection(ProjectedView& out) = 0;
+    /// Does the same without waiting for a device: writes `room` splats. Those beyond it are left out, and what they
+    /// leave free reaches no pixel.
+    virtual void end_projection(ProjectedView& out, std::size_t room) = 0;
     /// Does what order_on_host() says, where the arrays lie.
     virtual void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                                RankArray<WireSplat>& out) = 0;
 
     /// Renders a view as Backend::render does.
     virtual void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) = 0;
-    /// Computes the loss of a view, and the gradient sums of each splat if the loss is finite. Adds the gradient of the
-    /// view's PPISP to `isp_gradient` (PpispState::size()) where it learns. `sums` may lie in the memory of `splats`:
-    /// they are resized after the last use of these.
-    virtual ViewLoss loss_of_splats(const SplatParts& splats, const StepRequest& request,
-                                    const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient) = 0;
+    /// Begins to compute the loss of a view and the gradient sums of each splat, which mean nothing if the loss is not
+    /// finite. Adds the gradient of the view's PPISP to `isp_gradient` (PpispState::size()) where it learns. `sums` may
+    /// lie in the memory of `splats`: they are resized after the last use of these.
+    virtual void loss_of_splats(const SplatParts& splats, const StepRequest& request,
+                                const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient) = 0;
+    /// Waits for what was begun, and returns the losses since the last call in order. Where one did not fit, there is
+    /// room for it afterwards.
+    virtual std::vector<ViewLoss> take_losses() = 0;
     /// Trains a controller as Backend::distill does.
     virtual void distill_splats(const SplatParts& splats, const StepRequest& request) = 0;
     virtual double squared_error_of_splats(const SplatParts& splats, const StepRequest& request) = 0;

@@ -32,13 +32,14 @@ template <class Real> struct ParameterView {
                 s.shared.param.data()};
     }
     GS_HD GaussianGeometry<Real> geometry(std::int64_t i) const {
-        return {{means[3 * i], means[3 * i + 1], means[3 * i + 2]},
+        return {mean(i),
                 {log_scales[3 * i], log_scales[3 * i + 1], log_scales[3 * i + 2]},
                 {rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2], rotations[4 * i + 3]},
                 raw_opacities[i]};
     }
+    GS_HD Vec3<Real> mean(std::int64_t i) const { return {means[3 * i], means[3 * i + 1], means[3 * i + 2]}; }
     GS_HD ViewDirection<Real> direction(std::int64_t i, const Vec3<Real>& camera_position) const {
-        return view_direction(Vec3<Real>{means[3 * i], means[3 * i + 1], means[3 * i + 2]}, camera_position);
+        return view_direction(mean(i), camera_position);
     }
     GS_HD Vec3<Real> base(std::int64_t i) const {
         return {base_colors[3 * i], base_colors[3 * i + 1], base_colors[3 * i + 2]};

@@ -86,11 +86,16 @@ GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& ca
     p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
 }
 
+/// Returns a mean in the camera's frame: step 2 of the forward pass.
+template <class T> GS_HD Vec3<T> camera_point(const Vec3<T>& mean, const CameraParams<T>& cam) {
+    return cam.rotation * mean + cam.translation;
+}
+
 /// Takes steps 2 and 4 to 8 of the forward pass. Returns false if the Gaussian is culled. Every test is written
 /// positively, so that NaN fails it.
 template <class T>
 GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
-    p.cam = cam.rotation * g.mean + cam.translation;
+    p.cam = camera_point(g.mean, cam);
     const T z = p.cam.z;
     if (!(z >= cam.near_plane && z <= cam.far_plane)) return false;
     if (!usable_rotation(g.rotation)) return false;

@@ -47,7 +47,13 @@ template <class T> struct SplatGradient {
 };
 
 /// The sums of one splat over its pixels; h = -alpha dL/dalpha.
-template <class P> struct SplatSums { P h, hx, hy, hxx, hxy, hyy, r, g, b; };
+template <class P> struct SplatSums {
+    P h, hx, hy, hxx, hxy, hyy, r, g, b;
+
+    GS_HD SplatSums operator*(P s) const {
+        return {h * s, hx * s, hy * s, hxx * s, hxy * s, hyy * s, r * s, g * s, b * s};
+    }
+};
 
 /// Returns the gradients of a splat from its sums over pixels.
 template <class T> GS_HD SplatGradient<T> splat_gradient(const Splat<T>& s, const SplatSums<T>& k) {

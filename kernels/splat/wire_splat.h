@@ -2,29 +2,52 @@
 // A splat as one rank of a training sends it to the rank that renders its view.
 #pragma once
 
+#include <cstdint>
+
 #include "kernels/splat/projection_device.h"
 #include "kernels/splat/splat_device.h"
 
 namespace gs {
 
-/// What sorting and blending need of a Gaussian in one view.
-struct WireSplat {
-    float mean_x, mean_y;    ///< pixels
-    float a, b, c;           ///< conic, as in Splat
-    float opacity;           ///< activated
-    float red, green, blue;  ///< after the colour activation
-    float cov_xx, cov_yy;    ///< diagonal of the dilated 2-D covariance. The conic's inverse loses it for needles.
-    float depth;             ///< along the camera's axis, frame units
+/// The row of a splat that only fills an array, and the place of one that is not there.
+inline constexpr std::uint32_t kNowhere = 0xffffffff;
 
-    static GS_HD WireSplat of(const Splat<float>& s, const Sym2<float>& cov2d, float depth) {
-        return {s.mean.x,  s.mean.y,  s.a,       s.b,      s.c,      s.opacity,
-                s.color.x, s.color.y, s.color.z, cov2d.xx, cov2d.yy, depth};
+/// The largest side of an image in pixels whose splats can be sent.
+inline constexpr int kMaxWireSide = 0xffff;
+
+/// What sorting and blending need of a Gaussian in one view.
+struct alignas(16) WireSplat {
+    float mean_x, mean_y;                ///< pixels
+    float a, b, c;                       ///< conic, as in Splat
+    float opacity;                       ///< activated
+    float red, green, blue;              ///< after the colour activation
+    std::uint32_t x_min_max, y_min_max;  ///< the pixels that it may reach: first | end << 16
+    float depth;                         ///< along the camera's axis, frame units
+
+    static GS_HD WireSplat of(const Splat<float>& s, const PixelBounds& b, float depth) {
+        const auto range = [](int first, int end) {
+            return std::uint32_t(first) | std::uint32_t(gs_min(end, kMaxWireSide)) << 16;
+        };
+        return {s.mean.x,
+                s.mean.y,
+                s.a,
+                s.b,
+                s.c,
+                s.opacity,
+                s.color.x,
+                s.color.y,
+                s.color.z,
+                range(b.x_min, b.x_max),
+                range(b.y_min, b.y_max),
+                depth};
     }
     GS_HD Splat<float> splat(float inverse_alpha) const {
         return {{mean_x, mean_y}, a, b, c, opacity, {red, green, blue}, splat_threshold(opacity, inverse_alpha)};
     }
-    GS_HD PixelBounds bounds(const Splat<float>& s, int width_padded, int height_padded) const {
-        return pixel_bounds(s.mean, Sym2<float>{cov_xx, 0, cov_yy}, touch_threshold(s), width_padded, height_padded);
+    /// Returns the pixels that it may reach in an image padded to whole tiles, which differ between backends.
+    GS_HD PixelBounds bounds(int width_padded, int height_padded) const {
+        return {int(x_min_max & 0xffff), gs_min(int(x_min_max >> 16), width_padded), int(y_min_max & 0xffff),
+                gs_min(int(y_min_max >> 16), height_padded)};
     }
 };
 static_assert(sizeof(WireSplat) == 48);

@@ -60,6 +60,29 @@ Results results(const RankViews& views, int size, Way way) {
     return found;
 }
 
+/// Expects that the three steps of `train_with_noise` exchange on devices what they exchange on hosts. With `rooms`,
+/// they do without the numbers of splats, but fill room with splats that are none, and repeat what did not fit.
+void expect_traffic(const Traffic& devices, const Traffic& hosts, int size, bool rooms, std::int64_t rows) {
+    const int rounds = (kViews + size - 1) / size;
+    // In each try: splats from each other rank in turn, and sums.
+    EXPECT_EQ(devices.device_exchanges % (size * rounds), 0);
+    const std::int64_t tries = devices.device_exchanges / (size * rounds);
+    if (!rooms) {
+        EXPECT_EQ(tries, 3);
+        EXPECT_EQ(devices.sent, hosts.sent);
+        EXPECT_EQ(devices.received, hosts.received);
+        EXPECT_EQ(devices.messages, hosts.messages);
+        EXPECT_EQ(devices.exchanges, hosts.exchanges);
+        return;
+    }
+    EXPECT_GE(tries, 3);
+    EXPECT_LE(tries, 5) << "a view is made room for once";
+    EXPECT_EQ(tries > 3, rows == kRows) << "where a view shows more than a quarter of many Gaussians";
+    const int counts = 3 * (size - 1) * rounds, losses = 1;
+    EXPECT_EQ(devices.exchanges, hosts.exchanges - counts + (tries - 3) * (size * rounds + losses));
+    EXPECT_GE(devices.sent, hosts.sent - 8.0 * counts);
+}
+
 TEST(RanksOnDevices, ComputeWhatRanksOnHostsCompute) {
 #ifdef FAKE_NCCL_LIBRARY
     ::setenv("GSAPP_NCCL", FAKE_NCCL_LIBRARY, 1);
@@ -83,13 +106,7 @@ TEST(RanksOnDevices, ComputeWhatRanksOnHostsCompute) {
                 EXPECT_EQ(devices.scores, hosts.scores);
                 EXPECT_EQ(devices.residuals.worth, hosts.residuals.worth);
                 EXPECT_EQ(devices.error, hosts.error);
-                EXPECT_EQ(devices.traffic.sent, hosts.traffic.sent);
-                EXPECT_EQ(devices.traffic.received, hosts.traffic.received);
-                EXPECT_EQ(devices.traffic.messages, hosts.traffic.messages);
-                EXPECT_EQ(devices.traffic.exchanges, hosts.traffic.exchanges);
-                const int rounds = (kViews + size - 1) / size;
-                // In each of three steps: splats from each other rank in turn, and sums.
-                EXPECT_EQ(devices.traffic.device_exchanges, 3 * size * rounds);
+                expect_traffic(devices.traffic, hosts.traffic, size, size == 1 || way == Way::kNccl, rows);
             }
         }
     }

@@ -206,7 +206,7 @@ TEST(Ranks, RenderManyViewsAsOneDoesToTheBit) {
 
 /// The bytes that each rank sends in steps on all views, as the formats of the messages say.
 std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
-    constexpr std::size_t kSplat = 48, kSums = 36, kLength = 8, kCall = 4, kCount = 8, kLoss = 32, kFloat = 4;
+    constexpr std::size_t kSplat = 48, kSums = 36, kLength = 8, kCall = 4, kCount = 8, kReport = 48, kFloat = 4;
     std::vector<std::vector<std::size_t>> shown;  // splats by rank, by view
     for (int r = 0; r < ranks; ++r) {
         const auto backend = make_cpu_backend(views.model.appearance);
@@ -230,7 +230,7 @@ std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
                 if (view % ranks == other) bytes += kCount + kSplat * shown[std::size_t(r)][std::size_t(view)];
                 if (view % ranks == r) bytes += kSums * shown[std::size_t(other)][std::size_t(view)];
             }
-        std::size_t each = kLoss * kViews + kFloat * views.model.ppisp.size();  // to each other rank
+        std::size_t each = kReport * kViews + kFloat * views.model.ppisp.size();  // to each other rank
         if (r == 0) each += kLength + kCall + steps.bytes().size();
         sent.push_back(double(bytes + std::size_t(ranks - 1) * each));
     }
