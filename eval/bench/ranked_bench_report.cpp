@@ -112,7 +112,7 @@ std::string format_ranked_bench(const std::vector<RankedBenchResult>& results, T
     return fmt::format("{}{}; {} steps at {}x{}\n\n", first.device, link, first.steps, first.width, first.height) +
            table_text(set_table(results), style) + "\n" + table_text(rank_table(results), style) +
            "\nBytes are those that ranks exchanged, as counted where they were; waiting for slower ranks counts as "
-           "exchange. The link was measured by exchanges of large messages and of one byte among all ranks, "
+           "exchange. The link was measured by exchanges of large messages and of 16 bytes among all ranks, "
            "of large ones on the way that splats take.\n";
 }
 

@@ -222,6 +222,12 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     // The buffers that only binning uses share their place with those that are needed only after it.
     const std::size_t at = c.at();
     binning_.take_temporaries(c);
+    if (sizes.received > 0) {
+        // They are read before the blend writes here, and their sums are packed here after its backward pass. The
+        // sums of all splats end before this place, and so do projections of other views, while these are on their way.
+        c.rewind(std::max({c.at(), at + sizes.n * sizeof(PackedSums), sizes.received_at}));
+        wire_.splats = c.take<WireSplat>(std::size_t(sizes.received));
+    }
     if (!sizes.for_step) return;
     c.rewind(at);
     sums_ = c.take<PackedSums>(sizes.n);
@@ -247,10 +253,30 @@ void CudaBackend::lay_out(const Sizes& sizes) {
     Sizes some_more = sizes;
     if (sizes.n != model_.count)
         some_more.n = std::max(sizes.n, std::min(sizes.n + sizes.n / kMoreSplats, wire_.num_gaussians));
-    Carver room(nullptr);
-    take(room, some_more);
-    scratch_.carve([&](Carver& c) { take(c, sizes); }, room.most());
+    const std::size_t room = bytes_of(some_more);
+    scratch_.carve([&](Carver& c) { take(c, sizes); }, room);
     sizes_ = sizes;
+}
+
+std::size_t CudaBackend::bytes_of(const Sizes& sizes) {
+    sizes_ = {};  // counting leaves null pointers in the buffers
+    Carver count(nullptr);
+    take(count, sizes);
+    return count.most();
+}
+
+void CudaBackend::lay_out_view(const CameraParams<float>& camera, std::int64_t n, bool for_backward) {
+    if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * n, 1 << 16);
+    const auto try_capacity = [&] {
+        lay_out({n, capacity_, camera.width, camera.height, for_backward, wire_.received, wire_.received_at});
+    };
+    try {
+        try_capacity();
+    } catch (const DeviceError&) {
+        if (needed_ >= capacity_) throw;
+        capacity_ = std::max<std::int64_t>(needed_, 1);  // there was no memory for room ahead of need
+        try_capacity();
+    }
 }
 
 PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, RenderMode mode,
@@ -304,14 +330,7 @@ CudaBins CudaBackend::enqueue_splats(const CameraParams<float>& camera, std::int
     if (std::max(camera.width, camera.height) > kMaxSide)
         throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                           " pixels: the CUDA backend takes up to " + std::to_string(kMaxSide) + " a side");
-    if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * n, 1 << 16);
-    try {
-        lay_out({n, capacity_, camera.width, camera.height, for_backward});
-    } catch (const DeviceError&) {
-        if (needed_ >= capacity_) throw;
-        capacity_ = std::max<std::int64_t>(needed_, 1);  // there was no memory for room ahead of need
-        lay_out({n, capacity_, camera.width, camera.height, for_backward});
-    }
+    lay_out_view(camera, n, for_backward);
     largest_width_ = std::max(largest_width_, camera.width), largest_height_ = std::max(largest_height_, camera.height);
     times_.begin(stream_);
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, offsetof(StepControl, stopped), stream_));
@@ -664,7 +683,6 @@ Ceilings CudaBackend::measure_ceilings() {
 
 MemoryUse CudaBackend::memory() {
     synchronize();
-    sizes_ = {};  // counting leaves null pointers in the buffers
     MemoryUse use;
     use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
     use.rows = {{"parameters, Adam moments, indices", model_.bytes() + half_residuals_.bytes() + lazy_.bytes(),
@@ -677,11 +695,7 @@ MemoryUse CudaBackend::memory() {
     // the parts need not add up to it.
     const Sizes all{std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1),
                     std::max(largest_width_, 1), std::max(largest_height_, 1), true};
-    const auto bytes = [&](const Sizes& sizes) {
-        Carver count(nullptr);
-        take(count, sizes);
-        return std::int64_t(count.most());
-    };
+    const auto bytes = [&](const Sizes& sizes) { return std::int64_t(bytes_of(sizes)); };
     Sizes no_gaussians = all, no_instances = all, no_pixels = all;
     no_gaussians.n = 0, no_instances.capacity = 1, no_pixels.width = no_pixels.height = 1;
     use.rows.push_back({"scratch with the Gaussians", bytes(all) - bytes(no_gaussians), "Gaussian", double(all.n)});

@@ -72,6 +72,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
     void end_projection(ProjectedView& out) override;
     void end_projection(ProjectedView& out, std::size_t room) override;
+    std::byte* room_for_received(const CameraParams<float>& camera, std::size_t splats, std::size_t received,
+                                 const std::vector<CameraParams<float>>& projected) override;
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override;
     void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
@@ -126,12 +128,19 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         std::int64_t n = 0, capacity = 0;
         int width = 0, height = 0;
         bool for_step = false;
+        std::int64_t received = 0;    ///< splats that come from other ranks, and lie in the block
+        std::size_t received_at = 0;  ///< the least place of these in bytes
         bool operator==(const Sizes&) const = default;
     };
 
     /// Takes all buffers of a step from the scratch block.
     void take(Carver& c, const Sizes& sizes);
     void lay_out(const Sizes& sizes);
+    /// Lays out a view of `n` splats, with less room for instances if there is no memory for what is made ahead of
+    /// need.
+    void lay_out_view(const CameraParams<float>& camera, std::int64_t n, bool for_backward);
+    /// Returns the bytes of the scratch block that such sizes take.
+    std::size_t bytes_of(const Sizes& sizes);
     void enqueue(const Step& step);
     /// Enqueues the part after the loss: the Gaussians' gradients and their optimizer step.
     void enqueue_gaussians(const Step& step, const PreprocessArgs& args, const CudaBins& bins);
@@ -168,6 +177,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins);
     /// Writes these sums as they are sent.
     void pack_sums_of_splats(const SumParts<SplatSums<float>>& sums);
+    /// Waits if there is no slot for another view.
+    void make_slot();
     /// Waits for the views whose losses were begun, and makes room for those that did not fit.
     void finish_views();
     /// Returns the loss that a status holds, and its parts.
@@ -234,6 +245,9 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         DeviceBuffer<std::uint32_t> rows;  ///< of its splats
         DeviceBuffer<std::int64_t> num_rows;
         DeviceBuffer<unsigned char> cub;
+        WireSplat* splats = nullptr;  ///< from other ranks, in the scratch block
+        std::int64_t received = 0;    ///< of the view that is rendered next, as in Sizes
+        std::size_t received_at = 0;
         DeviceBuffer<StepView> views;
         DeviceBuffer<SplatsOfRank> parts;       ///< of a view whose splats are put in order
         std::vector<StepView> host_views;       ///< stays as it is while the device is at work

@@ -89,6 +89,16 @@ void CudaBackend::end_projection(ProjectedView& out, std::size_t room) {
                 wire_.camera, splats_, to, stream_);
 }
 
+std::byte* CudaBackend::room_for_received(const CameraParams<float>& camera, std::size_t splats, std::size_t received,
+                                          const std::vector<CameraParams<float>>& projected) {
+    make_slot();  // which may change the room that a view has
+    wire_.received = std::int64_t(received), wire_.received_at = 0;
+    for (const CameraParams<float>& other : projected)
+        wire_.received_at = std::max(wire_.received_at, bytes_of({model_.count, 1, other.width, other.height, false}));
+    lay_out_view(camera, std::int64_t(splats), true);
+    return received > 0 ? reinterpret_cast<std::byte*>(wire_.splats) : nullptr;
+}
+
 void CudaBackend::order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                                 RankArray<WireSplat>& out) {
     std::vector<SplatsOfRank> parts;
@@ -128,10 +138,11 @@ void CudaBackend::render_splats(const SplatParts& splats, const RenderRequest& r
 
 void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r, const SumParts<SplatSums<float>>& sums,
                                  std::vector<float>& isp_gradient) {
-    if (wire_.views_begun.size() % kInFlight == 0) finish_views();  // a slot holds one view's image and status
+    make_slot();
     const int slot = int(wire_.views_begun.size());
     const DeviceTarget target = images_.get(r.target, slot, stream_);
     const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
+    wire_.received = 0;
     enqueue_loss(r, target);
     enqueue_sums_of_splats(r, splats, bins);
     report_to(slot);
@@ -139,6 +150,10 @@ void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r,
     for (std::size_t part = 0; part < splats.size(); ++part) sums[part]->resize(splats[part]->size());
     pack_sums_of_splats(sums);
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
+}
+
+void CudaBackend::make_slot() {
+    if (wire_.views_begun.size() >= kInFlight) finish_views();
 }
 
 void CudaBackend::finish_views() {

@@ -12,6 +12,8 @@ namespace {
 
 /// Large enough that latency does not count.
 constexpr std::size_t kSent = std::size_t(32) << 20;
+/// Small enough that only latency counts, and whole words, in which NCCL reads.
+constexpr std::size_t kSmall = 16;
 constexpr int kLargeExchanges = 7, kSmallExchanges = 201;
 
 /// Returns the median time of `count` exchanges of `size` bytes with each other rank, after two to warm up.
@@ -48,9 +50,9 @@ LinkSpeed measure_link(Communicator& ranks, RankDevice* device) {
     LinkSpeed speed;
     speed.message_bytes = double(size * others);
     speed.bytes_per_second = double(size * others) / median_exchange(ranks, device, size, kLargeExchanges);
-    speed.latency_seconds = median_exchange(ranks, nullptr, 1, kSmallExchanges);
+    speed.latency_seconds = median_exchange(ranks, nullptr, kSmall, kSmallExchanges);
     // All ranks do as many exchanges, on whatever they compute.
-    const double of_device = median_exchange(ranks, device, 1, kSmallExchanges);
+    const double of_device = median_exchange(ranks, device, kSmall, kSmallExchanges);
     if (device) speed.device_latency_seconds = of_device;
     return speed;
 }

@@ -11,8 +11,8 @@ namespace gs {
 struct LinkSpeed {
     double message_bytes = 0;     ///< that each rank sent in one exchange, and received
     double bytes_per_second = 0;  ///< of the way that splats take: sent by a rank while it received as many, median
-    double latency_seconds = 0;   ///< of an exchange of one byte with each other rank, host to host: median
-    double device_latency_seconds = 0;  ///< of one of one byte from device to device, until it is there; 0 without any
+    double latency_seconds = 0;   ///< of an exchange of 16 bytes with each other rank, host to host: median
+    double device_latency_seconds = 0;  ///< of one of 16 bytes from device to device, until it is there; 0 without any
 };
 
 /// Measures the connection, from the memory of `device` to that of the other ranks', or between hosts where it is null.

@@ -68,6 +68,9 @@ class MessageReader {
     std::size_t at_ = 0;
 };
 
+/// What is sent of each message, of which 8 bytes are its length; the rest of a longer one follows.
+inline constexpr std::size_t kFirstPacketBytes = 2048;
+
 /// Sends a message to all other ranks, and receives it from rank 0.
 void send_to_others(Communicator& ranks, const MessageWriter& message);
 MessageReader receive_from_rank_0(Communicator& ranks);

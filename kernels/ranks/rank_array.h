@@ -11,6 +11,19 @@
 
 namespace gs {
 
+/// Memory of a device that lies in other memory of it for a while.
+class PlacedBlock final : public DeviceBlock {
+  public:
+    explicit PlacedBlock(std::unique_ptr<DeviceBlock> own) : own_(std::move(own)) {}
+    /// Lets the block lie at `place`, where there must be room for what is reserved; null: in memory of its own.
+    void lie_at(std::byte* place) { place_ = place; }
+    std::byte* reserve(std::size_t bytes) override { return place_ ? place_ : own_->reserve(bytes); }
+
+  private:
+    const std::unique_ptr<DeviceBlock> own_;
+    std::byte* place_ = nullptr;
+};
+
 template <class T> class RankArray {
     static_assert(std::is_trivially_copyable_v<T>);
 
@@ -18,6 +31,9 @@ template <class T> class RankArray {
     /// Makes an empty array in the memory of `device`, which must outlive it, or in the host's where that is null.
     explicit RankArray(RankDevice* device = nullptr)
         : device_(device), block_(device ? device->make_block() : nullptr) {}
+
+    /// Makes an empty array in a block of `device`.
+    RankArray(RankDevice* device, std::shared_ptr<DeviceBlock> block) : device_(device), block_(std::move(block)) {}
 
     RankArray(RankArray&&) = default;
     RankArray& operator=(RankArray&&) = default;

@@ -40,7 +40,14 @@ RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targe
       ordered_(shard_.device()),
       shared_(shard_.device()),
       shared_of_all_ranks_(shard_.device()) {
-    for (int r = 0; r < ranks_.size(); ++r) received_.emplace_back(shard_.device());
+    for (int r = 0; r < ranks_.size(); ++r) {
+        if (RankDevice* device = shard_.device()) {
+            blocks_.push_back(std::make_shared<PlacedBlock>(device->make_block()));
+            received_.emplace_back(device, blocks_.back());
+        } else {
+            received_.emplace_back();
+        }
+    }
     sums_.device = shard_.device();
     if (!ranks_.link()) return;
     // The first transfer between two devices takes tenths of a second.
@@ -88,6 +95,25 @@ void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<S
     }
 }
 
+void RankWorker::place_received(const std::vector<ShownView>& views, std::size_t mine, bool foreseen) {
+    ranks_.settle();  // what they hold may still be on its way
+    std::byte* at = nullptr;
+    if (foreseen && mine < views.size()) {
+        std::size_t splats = 0, received = 0;
+        for (std::size_t r = 0; r < received_.size(); ++r) {
+            splats += room(views[mine].id, r);
+            if (r != rank_after(0)) received += room(views[mine].id, r);
+        }
+        std::vector<CameraParams<float>> projected;
+        for (const ShownView& view : views) projected.push_back(view.camera);
+        at = shard_.room_for_received(views[mine].camera, splats, received, projected);
+    }
+    for (std::size_t r = 0; r < blocks_.size(); ++r) {
+        blocks_[r]->lie_at(at);
+        if (at && r != rank_after(0)) at += room(views[mine].id, r) * sizeof(WireSplat);
+    }
+}
+
 void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t first) {
     const std::size_t num_ranks = received_.size();
     RankDevice* const device = shard_.device();
@@ -103,6 +129,7 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
     };
     const std::size_t mine = first + rank_after(0);
     const bool renders = mine < views.size();
+    place_received(views, mine, foreseen);
     // Views of other ranks come first, so that their splats are on their way while the next view is projected.
     begin_projection(first + rank_after(1));
     for (std::size_t offset = 1; offset < num_ranks; ++offset) {
@@ -120,7 +147,6 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
             if (renders) in[from] = room_of(received);
             ranks_.exchange(out, in);
         }
-        ranks_.settle();  // sums of the round before lie there
         received_[from].resize(received[0]);
         if (sends) out[to] = std::as_const(projected_[view]).splats.bytes();
         in[from] = received_[from].bytes();
@@ -288,9 +314,8 @@ bool RankWorker::gather_losses(const std::vector<StepRequest>& views, std::vecto
 StepStats RankWorker::step(std::vector<StepRequest> views) {
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
     std::vector<ViewLoss> losses(views.size());
-    std::vector<float> isp_gradient;
     do {
-        begin_losses(views, isp_gradient);
+        begin_losses(views, isp_gradient_);
     } while (!gather_losses(views, losses));
     StepStats stats;
     stats.steps = 1;
@@ -305,22 +330,32 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
         shard_.count_step(views);
     } else {
         shard_.update_rows(views, projected_, sums_.of_view, num_gaussians_, shared_);
-        for (float& gradient : isp_gradient) gradient *= float(mean);
-        sum_over_ranks(ranks_, isp_gradient);
-        shard_.update_common(views, gather_shared(), isp_gradient);
+        for (float& gradient : isp_gradient_) gradient *= float(mean);
+        sum_over_ranks(ranks_, isp_gradient_);
+        begin_shared();
+        incomplete_ = std::move(views);
+        // Over a link the transfer comes to the device while the next command is on its way.
+        if (shared_.size() == 0 || !ranks_.link()) complete_step();
     }
     return stats;
 }
 
-const RankArray<float>& RankWorker::gather_shared() {
+void RankWorker::complete_step() {
+    if (incomplete_.empty()) return;
+    if (shared_.size() > 0) ranks_.finish(shard_.device());
+    shard_.update_common(incomplete_, shared_of_all_ranks_, isp_gradient_);
+    incomplete_.clear();
+}
+
+void RankWorker::begin_shared() {
     const std::size_t num_ranks = received_.size(), row = shared_.size();
-    if (row == 0) return shared_;  // on all ranks
+    if (row == 0) return;  // on all ranks
     shared_of_all_ranks_.resize(num_ranks * row);
     std::vector<ConstBytes> out(num_ranks, std::as_const(shared_).bytes());
     std::vector<Bytes> in;
     for (std::size_t r = 0; r < num_ranks; ++r) in.push_back(shared_of_all_ranks_.bytes(r * row, (r + 1) * row));
-    ranks_.exchange(out, in, shard_.device());
-    return shared_of_all_ranks_;
+    if (RankDevice* device = shard_.device()) device->mark();
+    ranks_.begin(out, in, shard_.device());
 }
 
 std::int64_t RankWorker::take_nonfinite() {

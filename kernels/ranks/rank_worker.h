@@ -66,8 +66,10 @@ class RankWorker {
     /// others. The images are those that one rank would render, to the bit.
     void render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out);
     /// Takes a step; view k is rendered by rank k modulo their number. Returns the statistics of this step alone,
-    /// without gradients that were left out.
+    /// without gradients that were left out. Shared weights may wait for complete_step().
     StepStats step(std::vector<StepRequest> views);
+    /// Ends the last step, before anything else is done with the rank's backend.
+    void complete_step();
     /// Returns the number of gradients that were left out since the last call: of all ranks' Gaussians, and of what is
     /// common to them.
     std::int64_t take_nonfinite();
@@ -117,6 +119,8 @@ class RankWorker {
     /// model's rows, the others by rank.
     template <class Sum, class Fn>
     void render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view);
+    /// Says where splats from other ranks are received: those of view `mine` of a step where the shard wants them.
+    void place_received(const std::vector<ShownView>& views, std::size_t mine, bool foreseen);
     /// Projects the views from `first` on, one for each rank or until `views` end, and brings those of the view that
     /// this rank renders to splats_.
     void gather_splats(const std::vector<ShownView>& views, std::size_t first);
@@ -129,8 +133,8 @@ class RankWorker {
     void order_by_rows(std::size_t first_view, std::size_t num_views);
     /// Returns the rank that comes `offset` places after this one, in a circle.
     std::size_t rank_after(std::size_t offset) const;
-    /// Returns the gradients of the shared weights by all ranks (ranks, shared_row()); shared_ has the own.
-    const RankArray<float>& gather_shared();
+    /// Begins to bring the gradients of the shared weights by all ranks to shared_of_all_ranks_; shared_ has the own.
+    void begin_shared();
     /// Returns the request with the pixels of its view.
     StepRequest with_target(const StepRequest& request) const;
     /// Calls fn() on splats that came from other ranks. Where one of these is lost they are not what it sent; then it
@@ -153,12 +157,15 @@ class RankWorker {
     std::size_t isp_size_ = 0;  ///< values of PPISP
     const bool makes_rooms_;    ///< for splats of steps, so that nobody waits for their number
     SplatRooms rooms_;
-    std::vector<ProjectedView> projected_;           ///< per view: the rank's splats
+    std::vector<ProjectedView> projected_;              ///< per view: the rank's splats
+    std::vector<std::shared_ptr<PlacedBlock>> blocks_;  ///< by rank: memory of received_, where there is a device
     std::vector<RankArray<WireSplat>> received_;     ///< by rank: splats of the view that is rendered, from the others
     SplatParts splats_;                              ///< of the view that is rendered
     RankArray<WireSplat> ordered_;                   ///< these, by their rows in the whole model
     SumsOfViews<SplatSums<float>> sums_;             ///< of a step, in the memory of the splats
-    RankArray<float> shared_, shared_of_all_ranks_;  ///< gradients of the shared weights
+    RankArray<float> shared_, shared_of_all_ranks_;  ///< gradients of the shared weights, (ranks, shared_row())
+    std::vector<StepRequest> incomplete_;            ///< views of a step that complete_step() ends
+    std::vector<float> isp_gradient_;                ///< of that step
     double splats_sent_ = 0;                         ///< to other ranks, since the beginning
     RankCosts costs_;
 };

@@ -110,6 +110,7 @@ template <class Fn> auto RankedBackend::together(const MessageWriter& command, F
     } guard{lost_};
     if (lost_) throw DeviceError("a rank of the training was lost");
     send_to_others(ranks_, command);
+    worker_.complete_step();
     return own_part();
 }
 
@@ -310,6 +311,7 @@ void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) 
     while (true) {
         const RankWorker::Mark begin = worker.mark();
         MessageReader message = receive_from_rank_0(ranks);
+        worker.complete_step();
         switch (message.get<Call>()) {
             case Call::kEnd:
                 return;

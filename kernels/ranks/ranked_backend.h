@@ -35,7 +35,10 @@ class RankedBackend : public Backend, private BackendTimer {
     std::int64_t count() const override { return worker_.num_gaussians(); }
     void set_active_degree(int degree) override;
     void upload_ppisp(const PpispState& state) override;
-    PpispState download_ppisp() override { return own_->download_ppisp(); }
+    PpispState download_ppisp() override {
+        worker_.complete_step();
+        return own_->download_ppisp();
+    }
     void render(const RenderRequest& request, RenderedImage& out) override;
     int views_at_once() const override { return ranks_.size(); }
     void render_all(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) override;
@@ -44,6 +47,7 @@ class RankedBackend : public Backend, private BackendTimer {
     void distill(const StepRequest& request) override;
     StepStats take_stats() override;
     void synchronize() override {
+        worker_.complete_step();
         own_->synchronize();
         all_steps_done_ = true;
     }

@@ -231,7 +231,7 @@ std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
                 if (view % ranks == r) bytes += kSums * shown[std::size_t(other)][std::size_t(view)];
             }
         std::size_t each = kReport * kViews + kFloat * views.model.ppisp.size();  // to each other rank
-        if (r == 0) each += kLength + kCall + steps.bytes().size();
+        if (r == 0) each += std::max(kFirstPacketBytes, kLength + kCall + steps.bytes().size());
         sent.push_back(double(bytes + std::size_t(ranks - 1) * each));
     }
     return sent;
