@@ -162,9 +162,13 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
     void end_projection(ProjectedView& out, std::size_t room) override {
         end_projection(out);
-        const std::size_t end = std::min<std::size_t>(*out.num_found, room);
-        std::fill_n(out.splats.resize(room) + end, room - end, WireSplat{});
-        std::fill_n(out.rows.resize(room) + end, room - end, kNowhere);
+        const auto fit = [&](auto& array, auto filler) {
+            std::vector values(array.values().begin(), array.values().end());
+            values.resize(room, filler);
+            std::copy(values.begin(), values.end(), array.resize(room));
+        };
+        fit(out.splats, WireSplat{});
+        fit(out.rows, kNowhere);
     }
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override {

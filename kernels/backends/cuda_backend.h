@@ -254,7 +254,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         DeviceBuffer<unsigned> left_out;        ///< since take_nonfinite(): Gaussians' gradients, shared weights'
         std::int64_t corrections_left_out = 0;  ///< steps of PPISP, in the same time
         std::int64_t num_gaussians = 0;         ///< of all ranks, in the last step
-        bool is_updating = false;               ///< the device may still be at work on update_rows()
+        bool is_updating = false;               ///< the device may still be at work on the update
         std::vector<ViewBegun> views_begun;     ///< by slot
         std::vector<ViewLoss> losses;           ///< of views that are done, since take_losses()
     } wire_;

@@ -2,7 +2,7 @@
 // The CUDA backend as one rank of a training: projects its Gaussians for others, renders splats of others, and takes
 // the step of its Gaussians on the sums that come back. Splats and sums are in the device's memory.
 #include <algorithm>
-#include <cmath>
+#include <utility>
 
 #include "kernels/backends/cuda_backend.h"
 #include "kernels/backends/wire_splats_cuda.h"
@@ -47,7 +47,8 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 
 void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) {
     // After update_rows() no residual is behind, and what follows is on its stream.
-    if (!wire_.is_updating || !in_flight_.empty()) settle();
+    // Views that were begun have statuses, which settle() would take for those of earlier steps.
+    if (wire_.views_begun.empty() && (!wire_.is_updating || !in_flight_.empty())) settle();
     const std::int64_t n = model_.count;
     wire_.camera = camera, wire_.for_step = for_step;
     if (n == 0) return;
@@ -76,6 +77,7 @@ void CudaBackend::end_projection(ProjectedView& out, std::size_t room) {
     if (!out.num_found) out.num_found = pinned_number();
     WireSplats to{out.splats.resize(room), nullptr, nullptr, std::int64_t(room), out.num_found.get()};
     if (model_.count == 0) {
+        out.rows.resize(0), out.places.resize(0);
         *out.num_found = 0;
         return;
     }
@@ -142,7 +144,7 @@ void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r,
     const int slot = int(wire_.views_begun.size());
     const DeviceTarget target = images_.get(r.target, slot, stream_);
     const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
-    wire_.received = 0;
+    wire_.received = 0, wire_.received_at = 0;
     enqueue_loss(r, target);
     enqueue_sums_of_splats(r, splats, bins);
     report_to(slot);
@@ -163,12 +165,11 @@ void CudaBackend::finish_views() {
         const ViewBegun& view = wire_.views_begun[slot];
         const StepStatus& status = statuses_[slot];
         forecast_.note(view.id, std::int64_t(status.num_instances));
-        if (status.stopped)
-            make_room(status.num_instances);
-        else
-            adapt_room(std::int64_t(status.num_instances));
+        if (!status.stopped) adapt_room(std::int64_t(status.num_instances));
         wire_.losses.push_back(loss_of(status, view.lambda_dssim, view.weight_sum));
     }
+    for (std::size_t slot = 0; slot < wire_.views_begun.size(); ++slot)  // last, so that this room stays
+        if (statuses_[slot].stopped) make_room(statuses_[slot].num_instances);
     wire_.views_begun.clear();
 }
 

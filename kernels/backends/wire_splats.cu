@@ -17,7 +17,7 @@ constexpr int kWireBlock = 128;
 /// words. All threads of the block call it.
 template <class T> __device__ void write_in_a_row(T* out, int num, const T& value) {
     constexpr int kWords = sizeof(T) / sizeof(std::uint32_t);
-    __shared__ std::uint32_t words[kWireBlock * kWords];
+    __shared__ alignas(T) std::uint32_t words[kWireBlock * kWords];
     if (int(threadIdx.x) < num) reinterpret_cast<T*>(words)[threadIdx.x] = value;
     __syncthreads();
     auto* to = reinterpret_cast<std::uint32_t*>(out);

@@ -294,16 +294,18 @@ bool RankWorker::gather_losses(const std::vector<StepRequest>& views, std::vecto
     for (std::size_t k = 0; k < views.size(); ++k) own[k].num_splats = *projected_[k].num_found;
     const auto all = all_gather(ranks_, own);
     bool fit = true;
-    std::vector<double> shares(views.size());
+    std::vector<std::uint64_t> shares(views.size());
     for (std::size_t k = 0; k < views.size(); ++k) {
         losses[k] = all[k % num_ranks][k].loss;
         fit = fit && losses[k].fits;
-        double share = 0;
+        std::uint64_t share = 0;
         for (std::size_t r = 0; r < num_ranks && makes_rooms_; ++r) {
             const std::uint64_t num = all[r][k].num_splats;
             fit = fit && num <= room(views[k].target.id, r);
-            if (num > 0) share = std::max(share, double(num) / double(rows_[r].count));
+            share = std::max(share, SplatRooms::share(num, rows_[r].count));
         }
+        for (std::size_t j = 0; j < k; ++j)  // a view that is there twice
+            if (views[j].target.id == views[k].target.id) share = std::max(share, shares[j]);
         shares[k] = share;
     }
     // All have been compared with the room that they had.

@@ -25,7 +25,7 @@ struct RankCosts {
     double seconds = 0;
     double cpu_seconds = 0;  ///< of all threads of the process
     Traffic traffic;         ///< of these steps, the commands of rank 0 included
-    double splats_sent = 0;
+    double splats_sent = 0;  ///< with what fills room, and those of repeated steps
 };
 
 /// A view as the Gaussians are projected for it.

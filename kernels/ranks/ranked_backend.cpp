@@ -97,7 +97,7 @@ RankedBackend::~RankedBackend() {
         if (lost_)
             ranks_.abort();  // nobody knows what the others wait for
         else
-            send_to_others(ranks_, message_of(Call::kEnd));
+            send_to_others(ranks_, message_of(Call::kEnd)), worker_.complete_step();
     } catch (const Error&) {  // a rank that is lost ends by itself
     }
 }
@@ -155,7 +155,7 @@ void RankedBackend::render(const RenderRequest& request, RenderedImage& out) {
 void RankedBackend::render_all(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) {
     if (controllers_differ_ && views.size() > 1) {  // other ranks render some of them
         MessageWriter state = message_of(Call::kUploadPpisp);
-        put(state, own_->download_ppisp());
+        put(state, download_ppisp());
         together(state, [] {});
         controllers_differ_ = false;
     }

@@ -32,7 +32,7 @@ class FakeDevice final : public RankDevice {
     struct Block final : DeviceBlock {
         std::vector<std::byte> bytes;
         std::byte* reserve(std::size_t size) override {
-            if (size > bytes.size()) bytes.resize(size);
+            if (size > bytes.size()) bytes = std::vector<std::byte>(size);
             return bytes.data();
         }
     };

@@ -81,6 +81,9 @@ void expect_traffic(const Traffic& devices, const Traffic& hosts, int size, bool
     const int counts = 3 * (size - 1) * rounds, losses = 1;
     EXPECT_EQ(devices.exchanges, hosts.exchanges - counts + (tries - 3) * (size * rounds + losses));
     EXPECT_GE(devices.sent, hosts.sent - 8.0 * counts);
+    constexpr double kBytesOfSplat = 48 + 36, kRest = 4096;  // commands and losses
+    EXPECT_LE(devices.sent, hosts.sent + double(tries) * (kBytesOfSplat * double(rows) * kViews + kRest))
+        << "no room is larger than a rank";
 }
 
 TEST(RanksOnDevices, ComputeWhatRanksOnHostsCompute) {
