@@ -243,9 +243,9 @@ template <class Model> constexpr int update_blocks_at_once() {
 }
 
 /// Computes the gradients of what this lane's Gaussian shows to `eye`, in a warp of which some lanes' residuals are
-/// `shown` and lie in `space`: those of the residuals' parameters in space.gradients, which are 0 before, and that of y
-/// = base + residual. sums() are those of the Gaussian. Returns the gradient of the mean through the direction. With
-/// kAdds it adds to space.gradients.
+/// `shown` and lie in `space`: those of the residuals' parameters in space.gradients, and that of y = base + residual.
+/// With kAdds it adds to space.gradients, which otherwise are 0 before. sums() are those of the Gaussian. Returns the
+/// gradient of the mean through the direction.
 template <class Model, bool kAdds = false, class Sums>
 __device__ inline Vec3<float> appearance_gradient(const PreprocessArgs& a, const Vec3<float>& eye, std::int64_t i,
                                                   bool shown, Sums&& sums, WarpAppearance<Model>& appearance,

@@ -275,10 +275,10 @@ void RankWorker::render(const std::vector<RenderRequest>& views, std::vector<Ren
     }
 }
 
-void RankWorker::begin_losses(const std::vector<StepRequest>& views, std::vector<float>& isp_gradient) {
-    isp_gradient.assign(isp_size_, 0.0f);
+void RankWorker::begin_losses(const std::vector<StepRequest>& views) {
+    isp_gradient_.assign(isp_size_, 0.0f);
     render_views(shown(views, true), sums_, [&](std::size_t k) {
-        shard_.loss_of_splats(splats_, with_target(views[k]), sums_.parts, isp_gradient);
+        shard_.loss_of_splats(splats_, with_target(views[k]), sums_.parts, isp_gradient_);
     });
 }
 
@@ -317,7 +317,7 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
     std::vector<ViewLoss> losses(views.size());
     do {
-        begin_losses(views, isp_gradient_);
+        begin_losses(views);
     } while (!gather_losses(views, losses));
     StepStats stats;
     stats.steps = 1;

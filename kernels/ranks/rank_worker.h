@@ -140,8 +140,8 @@ class RankWorker {
     /// Calls fn() on splats that came from other ranks. Where one of these is lost they are not what it sent; then it
     /// throws what says so instead of the error that comes of it.
     template <class Fn> auto on_received(Fn&& fn);
-    /// Begins to compute the losses of the views and the sums of all splats.
-    void begin_losses(const std::vector<StepRequest>& views, std::vector<float>& isp_gradient);
+    /// Begins to compute the losses of the views, the sums of all splats and isp_gradient_.
+    void begin_losses(const std::vector<StepRequest>& views);
     /// Waits for the losses of all ranks and writes them. Returns false on all ranks if a view had too little room
     /// anywhere: there is room for it then.
     bool gather_losses(const std::vector<StepRequest>& views, std::vector<ViewLoss>& losses);
@@ -165,7 +165,7 @@ class RankWorker {
     SumsOfViews<SplatSums<float>> sums_;             ///< of a step, in the memory of the splats
     RankArray<float> shared_, shared_of_all_ranks_;  ///< gradients of the shared weights, (ranks, shared_row())
     std::vector<StepRequest> incomplete_;            ///< views of a step that complete_step() ends
-    std::vector<float> isp_gradient_;                ///< of that step
+    std::vector<float> isp_gradient_;                ///< by PPISP, of the step
     double splats_sent_ = 0;                         ///< to other ranks, since the beginning
     RankCosts costs_;
 };

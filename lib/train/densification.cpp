@@ -12,8 +12,8 @@ namespace {
 
 /// Positions (timeline.h), as the iterations of the reference have them.
 
-/// Between Morton sorts: while rows are appended, and while they are only relocated. What a view shows is then in few
-/// warps, and a sort costs less than it spares in this many steps, the least.
+/// Between Morton sorts, while rows are appended and while they are only relocated, and the least number of steps. What
+/// a view shows lies in few warps then, which spares more time than a sort takes.
 constexpr double kMortonWhileGrowing = 100, kMortonInterval = 500, kLeastMortonSteps = 100;
 /// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown which are
 /// needed.
