@@ -166,10 +166,10 @@ __device__ inline void update_rows(unsigned mask, std::uint8_t* list, const RowS
 /// The narrowest row of update_all_rows.
 constexpr int kLeastWidth = 4;
 
-/// Takes the step on the `moving` of 32 rows, and writes the others as they are: four values at a time. With kPlain all
-/// move, and all factors of moments are 1.
-template <bool kPlain> __device__ void update_all_rows(unsigned moving, const RowStep& rows) {
-    constexpr int kUnroll = 6;  // two rounds for 48 columns
+/// Takes the step on the `moving` of 32 rows, and writes the others as they are: four values at a time. Three of these
+/// at once keep memory busy; with more, the kernel has more code than warps in different places of it find at hand.
+__device__ inline void update_all_rows(unsigned moving, const RowStep& rows) {
+    constexpr int kUnroll = 3;
     const int width = rows.width;
     const float inverse_width = 1 / float(width);
     const ColumnSteps& steps = rows.columns;
@@ -188,13 +188,11 @@ template <bool kPlain> __device__ void update_all_rows(unsigned moving, const Ro
             rows.moments.unpack4(mm[u], vv[u]);
             float4 x = reinterpret_cast<const float4*>(parameters)[at];
             const float4 g = reinterpret_cast<const float4*>(gradients)[at];
-            const int row = kPlain ? 0 : int((4 * at + 0.5f) * inverse_width), own = (row + 1) * width - 4 * at;
+            const int row = int((4 * at + 0.5f) * inverse_width), own = (row + 1) * width - 4 * at;
             const auto step = [&](int k, float& p, float& m, float& v, float gradient) {
-                if constexpr (!kPlain) {
-                    const int mine = row + (k >= own);
-                    if (!(moving >> mine & 1)) return;
-                    m *= rows.decay_m[mine], v *= rows.decay_v[mine];
-                }
+                const int mine = row + (k >= own);
+                if (!(moving >> mine & 1)) return;
+                m *= rows.decay_m[mine], v *= rows.decay_v[mine];
                 adam_update(p, m, v, gradient, steps.each ? steps.each[(4 * at + k) % width] : steps.all, rows.gains);
             };
             step(0, x.x, mm[u].x, vv[u].x, g.x);
@@ -358,10 +356,8 @@ __device__ void update_residuals_of_warp(unsigned rows, unsigned moving, unsigne
                        moments, decay_m,           decay_v,   seed};
     if (rows != ~0u || width < kLeastWidth)
         update_rows(moving, space.memory.list, step);
-    else if (moving == ~0u && !stale)
-        update_all_rows<true>(moving, step);
     else
-        update_all_rows<false>(moving, step);
+        update_all_rows(moving, step);
 }
 
 /// Computes the gradients and takes the optimizer's step. With kFused it computes the gradients of the appearance;
