@@ -210,14 +210,21 @@ void CudaBackend::upload_ppisp(const PpispState& state) {
 // --- one forward pass -----------------------------------------------------------------------------------------------
 
 void CudaBackend::take(Carver& c, const Sizes& sizes) {
+    const auto take_shared_sums = [&] {
+        shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) *
+                                     std::size_t(kernels_.shared.count));
+    };
+    if (sizes.layout == Layout::kSharedSums) return take_shared_sums();
+    const bool for_step = sizes.layout == Layout::kStep;
     const std::size_t pixels = std::size_t(sizes.width) * sizes.height;
     const int tiles = padded(sizes.width, kCudaTileX) / kCudaTileX * (padded(sizes.height, kCudaTileY) / kCudaTileY);
     splats_ = c.take<PackedSplat>(sizes.n);
     separate_ = {};
     if (options_.separate_appearance && kernels_.directional) separate_.residuals = c.take<Vec3<float>>(sizes.n);
+    if (sizes.layout == Layout::kProjection) return binning_.take_counts(c, sizes.n);
     image_ = c.take<float>(3 * pixels);
     transmittance_ = c.take<float>(pixels);
-    ppisp_.take(c, sizes.width, sizes.height, sizes.for_step);
+    ppisp_.take(c, sizes.width, sizes.height, for_step);
     binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
     // The buffers that only binning uses share their place with those that are needed only after it.
     const std::size_t at = c.at();
@@ -228,14 +235,12 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
         c.rewind(std::max({c.at(), at + sizes.n * sizeof(PackedSums), sizes.received_at}));
         wire_.splats = c.take<WireSplat>(std::size_t(sizes.received));
     }
-    if (!sizes.for_step) return;
+    if (!for_step) return;
     c.rewind(at);
     sums_ = c.take<PackedSums>(sizes.n);
     // In a fixed order sums are written, not added to, and nobody reads those of invisible Gaussians.
     blend_.take(c, sizes.capacity, tiles, sums_, options_.deterministic ? 0 : sizes.n);
-    if (kernels_.shared.count > 0)
-        shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) *
-                                     std::size_t(kernels_.shared.count));
+    if (kernels_.shared.count > 0) take_shared_sums();
     if (options_.separate_appearance && kernels_.directional) {
         separate_.dL_dresiduals =
             c.take<float>(std::size_t(std::min(sizes.n, model_.num_residuals())) * model_.width[int(Group::kResidual)]);
@@ -268,7 +273,8 @@ std::size_t CudaBackend::bytes_of(const Sizes& sizes) {
 void CudaBackend::lay_out_view(const CameraParams<float>& camera, std::int64_t n, bool for_backward) {
     if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * n, 1 << 16);
     const auto try_capacity = [&] {
-        lay_out({n, capacity_, camera.width, camera.height, for_backward, wire_.received, wire_.received_at});
+        lay_out({for_backward ? Layout::kStep : Layout::kFrame, n, capacity_, camera.width, camera.height,
+                 wire_.received, wire_.received_at});
     };
     try {
         try_capacity();
@@ -693,8 +699,8 @@ MemoryUse CudaBackend::memory() {
         use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
     // The next rows divide the scratch block of a step by the items that its parts grow with. Stages share places, so
     // the parts need not add up to it.
-    const Sizes all{std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1),
-                    std::max(largest_width_, 1), std::max(largest_height_, 1), true};
+    const Sizes all{Layout::kStep, std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1),
+                    std::max(largest_width_, 1), std::max(largest_height_, 1)};
     const auto bytes = [&](const Sizes& sizes) { return std::int64_t(bytes_of(sizes)); };
     Sizes no_gaussians = all, no_instances = all, no_pixels = all;
     no_gaussians.n = 0, no_instances.capacity = 1, no_pixels.width = no_pixels.height = 1;

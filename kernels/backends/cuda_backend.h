@@ -72,8 +72,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
     void end_projection(ProjectedView& out) override;
     void end_projection(ProjectedView& out, std::size_t room) override;
-    std::byte* room_for_received(const CameraParams<float>& camera, std::size_t splats, std::size_t received,
-                                 const std::vector<CameraParams<float>>& projected) override;
+    std::byte* room_for_received(const CameraParams<float>& camera, std::size_t splats, std::size_t received) override;
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override;
     void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
@@ -123,17 +122,20 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         float lambda_dssim;
         double weight_sum;
     };
+    /// What the scratch block holds. Projections are those of a rank's own Gaussians, whose instances other ranks sort;
+    /// the sums of shared weights' gradients are those of a step on several views.
+    enum class Layout { kProjection, kFrame, kStep, kSharedSums };
     /// The sizes that the scratch block is laid out for.
     struct Sizes {
+        Layout layout = Layout::kFrame;
         std::int64_t n = 0, capacity = 0;
         int width = 0, height = 0;
-        bool for_step = false;
         std::int64_t received = 0;    ///< splats that come from other ranks, and lie in the block
         std::size_t received_at = 0;  ///< the least place of these in bytes
         bool operator==(const Sizes&) const = default;
     };
 
-    /// Takes all buffers of a step from the scratch block.
+    /// Takes all buffers of a layout from the scratch block.
     void take(Carver& c, const Sizes& sizes);
     void lay_out(const Sizes& sizes);
     /// Lays out a view of `n` splats, with less room for instances if there is no memory for what is made ahead of

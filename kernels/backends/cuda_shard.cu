@@ -52,7 +52,7 @@ void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode
     const std::int64_t n = model_.count;
     wire_.camera = camera, wire_.for_step = for_step;
     if (n == 0) return;
-    lay_out({n, 1, camera.width, camera.height, false});  // its instances are none of this rank's business
+    lay_out({.layout = Layout::kProjection, .n = n});
     PreprocessArgs args = for_step ? preprocess_args(camera, mode, {}) : frame_args({camera, {}, mode});
     args.shared = {model_.shared_prepared.get(), nullptr};
     args.separate = separate_;
@@ -91,12 +91,10 @@ void CudaBackend::end_projection(ProjectedView& out, std::size_t room) {
                 wire_.camera, splats_, to, stream_);
 }
 
-std::byte* CudaBackend::room_for_received(const CameraParams<float>& camera, std::size_t splats, std::size_t received,
-                                          const std::vector<CameraParams<float>>& projected) {
+std::byte* CudaBackend::room_for_received(const CameraParams<float>& camera, std::size_t splats, std::size_t received) {
     make_slot();  // which may change the room that a view has
-    wire_.received = std::int64_t(received), wire_.received_at = 0;
-    for (const CameraParams<float>& other : projected)
-        wire_.received_at = std::max(wire_.received_at, bytes_of({model_.count, 1, other.width, other.height, false}));
+    wire_.received = std::int64_t(received);
+    wire_.received_at = bytes_of({.layout = Layout::kProjection, .n = model_.count});
     lay_out_view(camera, std::int64_t(splats), true);
     return received > 0 ? reinterpret_cast<std::byte*>(wire_.splats) : nullptr;
 }
@@ -272,7 +270,7 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     }
     if (!wire_.left_out.get()) GS_CUDA(cudaMemsetAsync(wire_.left_out.reserve(2), 0, 2 * sizeof(unsigned), stream_));
     if (n == 0) return;
-    if (num_shared > 0) lay_out({n, 1, views[0].camera.width, views[0].camera.height, true});  // for their sums
+    if (num_shared > 0) lay_out({.layout = Layout::kSharedSums, .n = n});
     std::vector<StepView>& step_views = wire_.host_views;
     step_views.clear();
     for (std::size_t v = 0; v < views.size(); ++v)

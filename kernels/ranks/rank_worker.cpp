@@ -104,9 +104,7 @@ void RankWorker::place_received(const std::vector<ShownView>& views, std::size_t
             splats += room(views[mine].id, r);
             if (r != rank_after(0)) received += room(views[mine].id, r);
         }
-        std::vector<CameraParams<float>> projected;
-        for (const ShownView& view : views) projected.push_back(view.camera);
-        at = shard_.room_for_received(views[mine].camera, splats, received, projected);
+        at = shard_.room_for_received(views[mine].camera, splats, received);
     }
     for (std::size_t r = 0; r < blocks_.size(); ++r) {
         blocks_[r]->lie_at(at);

@@ -115,10 +115,8 @@ class Shard {
     virtual void end_projection(ProjectedView& out, std::size_t room) = 0;
     /// Makes room for the next view that is rendered for a step, and returns where in it the splats that come from
     /// other ranks are to lie, and their sums after them; null if they should lie in memory of their own. `splats` and
-    /// `received` count all splats of the view and these. Until then views of no other cameras than `projected` are
-    /// projected.
-    virtual std::byte* room_for_received(const CameraParams<float>&, std::size_t /*splats*/, std::size_t /*received*/,
-                                         const std::vector<CameraParams<float>>& /*projected*/) {
+    /// `received` count all splats of the view and these.
+    virtual std::byte* room_for_received(const CameraParams<float>&, std::size_t /*splats*/, std::size_t /*received*/) {
         return nullptr;
     }
     /// Does what order_on_host() says, where the arrays lie.

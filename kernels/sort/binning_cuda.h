@@ -25,7 +25,7 @@ struct ChunkSums {
     std::uint32_t* of_groups = nullptr;    ///< one for kChunksOfGroup chunks, 0 before
 };
 
-/// The arrays that preprocessing fills and binning sorts, (n) each.
+/// The arrays that preprocessing fills and binning sorts, (n) each. Where nothing is sorted, there are only counts.
 struct CudaBinningInput {
     std::uint32_t* depth_keys;  ///< above the kDepthKeyBits of the depth, the count, at most kManyTiles; 0: culled
     TileSpan* spans;
@@ -35,6 +35,8 @@ struct CudaBinningInput {
 /// The sort on the device.
 class CudaBinning {
   public:
+    /// Takes only the counts of `input`, for splats that are sorted elsewhere.
+    void take_counts(Carver& c, std::int64_t n) { input_ = {.counts = c.take<std::uint32_t>(n)}; }
     /// Takes the buffers that outlive binning.
     void take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height, bool keep_slots);
     /// Takes the buffers that only binning uses, and the rest of `input`.

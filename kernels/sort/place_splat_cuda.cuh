@@ -47,11 +47,10 @@ __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const 
                                    const DepthKey& depth_key, float depth, PackedSplat* splats,
                                    const CudaBinningInput& out) {
     const bool visible = tiles.count > 0;
-    if (visible) {
-        splats[i] = PackedSplat::of(s, b);
-        out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
-    }
+    if (visible) splats[i] = PackedSplat::of(s, b);
     out.counts[i] = tiles.count;
+    if (!out.depth_keys) return;
+    if (visible) out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
     // A depth that another kernel computed may be rounded to the wrong side of near; its key must not reach the tiles.
     out.depth_keys[i] =
         visible ? min(depth_key(depth), kDepthKeyEnd) | min(tiles.count, kManyTiles) << kDepthKeyBits : 0;
