@@ -9,6 +9,8 @@ import zlib
 
 from browser import PATIENCE, check
 
+# Software takes longer for more pixels, so that windows are small where models are drawn by it. From 705 pixels on the
+# panel stands beside the picture.
 SOFTWARE_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 # The same with WebGPU; without Vulkan it loses its device when a canvas is shown.
 SOFTWARE_WEBGPU = (*SOFTWARE_WEBGL, "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--use-vulkan=swiftshader", "--enable-features=Vulkan")
@@ -24,6 +26,14 @@ PSNR = """(async () => {
   let sum = 0;
   for (let i = 0; i < wanted.length; ++i) if (i %% 4 < 3) sum += ((wanted[i] - seen[i]) / 255) ** 2;
   return -10 * Math.log10(Math.max(sum / (0.75 * wanted.length), 1e-12));
+})()"""
+
+# Keeps the viewer's pictures of a list of [mode, view] (an expression) as `pictures`, and returns the brightest value
+# of each. All in one call: between two, the page would draw its own picture, which takes as long.
+KEEP_PICTURES = """(async () => {
+  window.pictures = [];
+  for (const [mode, view] of %s) pictures.push((await gsapp.testViewPixels(view, mode)).pixels);
+  return pictures.map((pixels) => pixels.reduce((most, v, i) => i %% 4 < 3 ? Math.max(most, v) : most, 0));
 })()"""
 
 

@@ -309,7 +309,7 @@ def main():
             print("skipped: the viewer is not built (scripts/build-viewer)")
             return 77
         site = Site(folder)
-        with Browser(program, flags=SOFTWARE_WEBGL) as browser:
+        with Browser(program, width=800, height=600, flags=SOFTWARE_WEBGL) as browser:
             wanted = check_sides(browser, site)
             check_divider(browser, wanted)
             check_link(browser, site)

@@ -369,7 +369,7 @@ def main():
         saved.mkdir()
         (folder / "scene.ngsplat").write_bytes(scene_file(COUNT))
         site = Site(folder)
-        with Browser(program, flags=SOFTWARE_WEBGL) as browser:
+        with Browser(program, width=800, height=600, flags=SOFTWARE_WEBGL) as browser:
             downloads = Downloads(browser, saved)
             check_link(browser, site)
             check_settings(browser, site, downloads)

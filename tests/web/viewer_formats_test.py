@@ -227,7 +227,7 @@ def main():
         check(all(name in (viewer / "LICENSES.txt").read_text() for name in ("three.js authors", "fzstd")), "the notice of what is bundled is there")
         cameras = make_files(gsapp, folder)
         site = Site(folder)
-        with Browser(program, flags=SOFTWARE_WEBGL) as browser:
+        with Browser(program, width=800, height=600, flags=SOFTWARE_WEBGL) as browser:
             open_viewer(browser, site.url)
             keep(browser, "full")
             compare(browser, cameras, "its own", "full", LEAST_PSNR)

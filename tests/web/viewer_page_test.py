@@ -255,7 +255,7 @@ def main():
         good = scene_file(3000)
         (folder / "scene.ngsplat").write_bytes(good)
         site = Site(folder)
-        with Browser(program, flags=SOFTWARE_WEBGL) as browser:
+        with Browser(program, width=800, height=600, flags=SOFTWARE_WEBGL) as browser:
             open_viewer(browser, site.url)
             check_bad_files(browser, good)
             check_special_files(browser)

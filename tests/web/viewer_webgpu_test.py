@@ -111,24 +111,31 @@ def cloud_file(count, position):
 
 def check_order(browser, url, folder):
     """By depth, equally far ones as in the file, and all whose centre is in the picture."""
-    position = (1, 0.5, -3)
+    position, clouds, orders = (1, 0.5, -3), {}, {}
     for count in (2, 5000, 300_000):
-        data, means = cloud_file(count, position)
-        (folder / "cloud.ngsplat").write_bytes(data)
-        orders = {}
-        for way in ("webgl", "webgpu"):
-            open_by(browser, url, way, "cloud.ngsplat")
+        data, clouds[count] = cloud_file(count, position)
+        (folder / f"cloud{count}.ngsplat").write_bytes(data)
+    for way in ("webgl", "webgpu"):
+        for count in clouds:
+            name = f"cloud{count}.ngsplat"
+            if count == 2:
+                open_by(browser, url, way, name)
+            else: # on the same page, which has its pipelines
+                drop(browser, name, (folder / name).read_bytes())
+                wait_for(browser, f"document.querySelector('#info dd')?.textContent === '{count:,}'", f"{name} is there")
+                check(message(browser) == "", f"{name} is shown by {way}: {message(browser)}")
             packed = browser.evaluate("""gsapp.testViewOrder(0).then((order) => {
                 const bytes = new Uint8Array(order.buffer, order.byteOffset, order.byteLength);
                 let text = '';
                 for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
                 return btoa(text);
             })""")
-            orders[way] = [i for (i,) in struct.iter_unpack("<I", base64.b64decode(packed))]
-        order, forward = orders["webgpu"], unit([-x for x in position])
+            orders[way, count] = [i for (i,) in struct.iter_unpack("<I", base64.b64decode(packed))]
+    for count, means in clouds.items():
+        order, forward = orders["webgpu", count], unit([-x for x in position])
         depths = [sum(f * (x - p) for f, x, p in zip(forward, mean, position)) for mean in means]
         check(len(set(order)) == len(order), f"{count}: each Gaussian is drawn once")
-        check(set(order) <= set(orders["webgl"]), f"{count}: none is drawn that WebGL2's wider picture lacks")
+        check(set(order) <= set(orders["webgl", count]), f"{count}: none is drawn that WebGL2's wider picture lacks")
         check(all(depths[b] <= depths[a] * (1 + 1e-5) for a, b in zip(order, order[1:])), f"{count}: the farthest come first")
         place = {index: k for k, index in enumerate(order)}
         check(all(place[i] + 1 == place[i + 1] for i in order if i % 2 == 0), f"{count}: equally far ones keep their order")
@@ -152,11 +159,24 @@ def middle(browser):
     return tuple(zlib.decompress(data)[1:4])
 
 
+def check_compiled_once(browser):
+    """A second model, and the first again, take the pipelines that are there, and show what they hold."""
+    first = pixels(browser, "testViewPixels(0, 'full')")
+    compiled = browser.evaluate("compiled")
+    for name, count in (("two.ngsplat", 2), ("ball.ngsplat", 3000)):
+        drop(browser, name, scene_file(count))
+        wait_for(browser, f"document.title.startsWith('{name}') && /(^|· ){count:,} drawn/.test(document.getElementById('meter').textContent)", f"{name} is drawn")
+        shown = pixels(browser, "testViewPixels(0, 'full')")
+        check((shown == first) == (count == 3000), f"{name}: the picture is its own")
+    check(compiled > 10 and browser.evaluate("compiled") == compiled, f"shaders are compiled once: {compiled} of the first model, then {browser.evaluate('compiled')}")
+
+
 def check_page(browser, url, folder):
-    """The picture on the screen, other sizes, no Gaussians, the benchmark."""
+    """The picture on the screen, other sizes, the benchmark, other models on the same page, no Gaussians."""
     (folder / "ball.ngsplat").write_bytes(scene_file(3000))
     (folder / "nothing.ngsplat").write_bytes(scene_file(0))
     shown, other = {}, {}
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=COUNT_PIPELINES)["identifier"]
     for way in ("webgl", "webgpu"):
         open_by(browser, url, way, "ball.ngsplat&embed")
         shown[way] = []
@@ -169,6 +189,7 @@ def check_page(browser, url, folder):
         browser.call("Emulation.clearDeviceMetricsOverride")
         view = "{ right: [1, 0, 0], down: [0, 1, 0], forward: [0, 0, 1], position: [0.2, 0.1, -3], fx: 90, fy: 80, cx: 33, cy: 20, width: 67, height: 41 }"
         other[way] = pixels(browser, f"viewPixels({view}, 'full')"), pixels(browser, "testViewPixels(1, 'full', 'byte')")
+    browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
     differences = [abs(a - b) for one, two in zip(*shown.values()) for a, b in zip(one, two)]
     check(max(differences) <= 3, f"the screen shows the same by both ways: {shown}")
     check(all(max(abs(c - round(255 * b)) for c, b in zip(color, BACKGROUND)) > 10 for color in shown["webgpu"]), f"the screen shows the ball: {shown}")
@@ -180,23 +201,9 @@ def check_page(browser, url, folder):
     colors = browser.evaluate(SAVED_AND_FILMED)
     check(all(max(abs(c - round(255 * b)) for c, b in zip(color, BACKGROUND)) > 10 for color in colors), f"saved pictures and films show the ball: {colors}")
     check(max(abs(a - b) for a, b in zip(*colors)) <= 12, f"saved pictures and films show the same: {colors}") # films hold colours as YUV
+    check_compiled_once(browser)
     open_by(browser, url, "webgpu", "nothing.ngsplat")
     check(all(abs(c - 255 * b) < 1 for c, b in zip(pixels(browser, "testViewPixels(0, 'full')"), BACKGROUND)), "without Gaussians there is the background")
-
-
-def check_compiled_once(browser, url):
-    """A second model, and the first again, take the pipelines that are there, and show what they hold."""
-    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=COUNT_PIPELINES)["identifier"]
-    open_by(browser, url, "webgpu", "ball.ngsplat")
-    first = pixels(browser, "testViewPixels(0, 'full')")
-    compiled = browser.evaluate("compiled")
-    for name, count in (("two.ngsplat", 2), ("ball.ngsplat", 3000)):
-        drop(browser, name, scene_file(count))
-        wait_for(browser, f"document.title.startsWith('{name}') && /(^|· ){count:,} drawn/.test(document.getElementById('meter').textContent)", f"{name} is drawn")
-        shown = pixels(browser, "testViewPixels(0, 'full')")
-        check((shown == first) == (count == 3000), f"{name}: the picture is its own")
-    check(compiled > 10 and browser.evaluate("compiled") == compiled, f"shaders are compiled once: {compiled} of the first model, then {browser.evaluate('compiled')}")
-    browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
 
 
 def check_file_on_its_way(browser, url):
@@ -249,7 +256,7 @@ def main():
     if not (viewer / "index.html").exists():
         print("skipped: the viewer is not built (scripts/build-viewer)")
         return 77
-    with tempfile.TemporaryDirectory() as name, Browser(program, flags=SOFTWARE_WEBGPU) as browser:
+    with tempfile.TemporaryDirectory() as name, Browser(program, width=500, height=500, flags=SOFTWARE_WEBGPU) as browser:
         folder = pathlib.Path(name)
         shutil.copytree(viewer, folder / "site")
         site = Site(folder / "site")
@@ -260,7 +267,6 @@ def main():
         browser.errors.clear()
         browser.call("Page.addScriptToEvaluateOnNewDocument", source=KEEP_DEVICE)
         check_page(browser, site.url, folder / "site")
-        check_compiled_once(browser, site.url)
         check_file_on_its_way(browser, site.url)
         check_end(browser, site.url)
         check_order(browser, site.url, folder / "site")
