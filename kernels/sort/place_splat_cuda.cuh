@@ -42,14 +42,14 @@ __device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& 
     return out;
 }
 
-/// Writes a splat that reaches a tile, and for each what binning reads.
+/// Writes a splat that reaches a tile, and for each what binning reads, if it is sorted here.
 __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const PixelBounds& b, const TileTest& tiles,
                                    const DepthKey& depth_key, float depth, PackedSplat* splats,
                                    const CudaBinningInput& out) {
     const bool visible = tiles.count > 0;
     if (visible) splats[i] = PackedSplat::of(s, b);
     out.counts[i] = tiles.count;
-    if (!out.depth_keys) return;
+    if (!out.depth_keys) return;  // sorted elsewhere
     if (visible) out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
     // A depth that another kernel computed may be rounded to the wrong side of near; its key must not reach the tiles.
     out.depth_keys[i] =

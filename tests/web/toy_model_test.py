@@ -33,8 +33,8 @@ def run(*arguments, **options):
 
 def compare(browser, way):
     pictures = [(mode, view) for mode in ("full", "residual") for view in VIEWS]
-    for k, brightest in enumerate(browser.evaluate(KEEP_PICTURES % json.dumps(pictures))):
-        mode, view = pictures[k]
+    brightnesses = browser.evaluate(KEEP_PICTURES % json.dumps(pictures))
+    for k, ((mode, view), brightest) in enumerate(zip(pictures, brightnesses, strict=True)):
         check(brightest > 10, f"{way}: view {view} shows something in {mode}")
         psnr = browser.evaluate(PSNR % (f"pictures[{k}]", f"reference/{mode}/{view:05}.png"))
         print(f"toy {way} {mode:9} view {view} {psnr:6.2f} dB", flush=True)

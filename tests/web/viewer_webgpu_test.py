@@ -130,6 +130,7 @@ def check_order(browser, url, folder):
                 for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
                 return btoa(text);
             })""")
+            check(browser.evaluate("gsapp.way") == {"webgl": "WebGL2", "webgpu": "WebGPU"}[way], f"{name}: {way} has ordered it")
             orders[way, count] = [i for (i,) in struct.iter_unpack("<I", base64.b64decode(packed))]
     for count, means in clouds.items():
         order, forward = orders["webgpu", count], unit([-x for x in position])
@@ -168,7 +169,7 @@ def check_compiled_once(browser):
         wait_for(browser, f"document.title.startsWith('{name}') && /(^|· ){count:,} drawn/.test(document.getElementById('meter').textContent)", f"{name} is drawn")
         shown = pixels(browser, "testViewPixels(0, 'full')")
         check((shown == first) == (count == 3000), f"{name}: the picture is its own")
-    check(compiled > 10 and browser.evaluate("compiled") == compiled, f"shaders are compiled once: {compiled} of the first model, then {browser.evaluate('compiled')}")
+    check(compiled > 10 and browser.evaluate("compiled") == compiled, f"shaders are compiled once: {compiled} before, then {browser.evaluate('compiled')}")
 
 
 def check_page(browser, url, folder):

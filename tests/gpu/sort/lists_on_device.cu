@@ -6,6 +6,8 @@
 namespace gs::test {
 namespace {
 
+static_assert(kTileX == kCudaTileX && kTileY == kCudaTileY);
+
 __global__ void note_first_parts(const TileItem* items, int num, std::uint32_t* tiles) {
     for (int k = 0; k < num; ++k) tiles[k] = items[k].is_first_of_tile() ? std::uint32_t(items[k].tile()) : ~0u;
 }
@@ -54,7 +56,7 @@ ListsOnDevice list_on_device(const std::vector<WireSplat>& splats, int width, in
         out.slot_ends = download(binning.slots().slot_ends, n);
     }
     for (const std::uint32_t tile : tiles.download(bins.num_items()))
-        if (tile != ~0u) out.tiles_longest_first.push_back(tile);
+        if (tile != ~0u) out.tiles_worked_on.push_back(tile);
     return out;
 }
 

@@ -9,6 +9,9 @@
 
 namespace gs::test {
 
+/// The size of a tile in pixels.
+inline constexpr int kTileX = 16, kTileY = 12;
+
 struct ListsOnDevice {
     std::uint64_t num_instances;
     bool stopped;
@@ -17,7 +20,7 @@ struct ListsOnDevice {
     std::vector<std::uint32_t> instances;         ///< splats, or slots
     std::vector<std::uint32_t> gaussians;         ///< only with slots: the splat of each
     std::vector<std::uint32_t> order, slot_ends;  ///< only with slots: visible splats, and where the slots of each end
-    std::vector<std::uint32_t> tiles_longest_first;  ///< those that are worked on, each once
+    std::vector<std::uint32_t> tiles_worked_on;   ///< each once
 };
 
 /// Lists the splats of a view by tile and depth. There is room for `room` instances.

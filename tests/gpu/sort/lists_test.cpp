@@ -14,7 +14,6 @@
 namespace gs::test {
 namespace {
 
-constexpr int kTileX = 16, kTileY = 12;
 constexpr float kOpacity = 0.5f;
 
 /// Returns a round splat that ends `radius` pixels from its mean.
@@ -41,6 +40,9 @@ class GpuLists : public Gpu {
         ASSERT_EQ(plain.stopped, false);
         ASSERT_EQ(plain.offsets.back(), plain.num_instances);
         ASSERT_EQ(plain.offsets, slots.offsets);
+        std::vector<double> radii;
+        for (const WireSplat& s : splats)
+            radii.push_back(std::sqrt(2 * splat_threshold(double(kOpacity), 255.0) / double(s.a)));
         std::vector<std::uint32_t> listed(splats.size());
         std::vector<std::set<std::uint32_t>> slots_of(splats.size());
         for (int tile = 0; tile < tiles_x * tiles_y; ++tile) {
@@ -58,13 +60,15 @@ class GpuLists : public Gpu {
             }
             ASSERT_TRUE(std::is_sorted(list.begin(), list.end())) << "tile " << tile;
             ASSERT_TRUE(std::adjacent_find(list.begin(), list.end()) == list.end()) << "tile " << tile;
-            expect_discs(splats, list, tile % tiles_x * kTileX, tile / tiles_x * kTileY);
+            expect_discs(splats, radii, list, tile % tiles_x * kTileX, tile / tiles_x * kTileY);
+            if (HasFatalFailure()) return;
         }
         for (std::size_t g = 0; g < splats.size(); ++g) ASSERT_EQ(listed[g], plain.counts[g]) << g;
         expect_slots(slots, slots_of);
-        const std::set<std::uint32_t> worked_on(plain.tiles_longest_first.begin(), plain.tiles_longest_first.end());
-        ASSERT_EQ(worked_on.size(), plain.tiles_longest_first.size());
+        const std::set<std::uint32_t> worked_on(plain.tiles_worked_on.begin(), plain.tiles_worked_on.end());
+        ASSERT_EQ(worked_on.size(), plain.tiles_worked_on.size());
         ASSERT_EQ(worked_on.size(), std::size_t(tiles_x * tiles_y));
+        ASSERT_EQ(*worked_on.rbegin(), std::uint32_t(tiles_x * tiles_y - 1));
     }
 
   private:
@@ -86,21 +90,20 @@ class GpuLists : public Gpu {
         }
         ASSERT_EQ(begin, lists.num_instances);
     }
-    /// Expects that the list of the tile at (x, y) has the discs that reach a centre of its pixels.
-    static void expect_discs(const std::vector<WireSplat>& splats,
+    /// Expects that the list of the tile at (x, y) has the discs that reach the rectangle of its pixels' centres.
+    static void expect_discs(const std::vector<WireSplat>& splats, const std::vector<double>& radii,
                              const std::vector<std::pair<std::uint32_t, std::uint32_t>>& list, int x, int y) {
         std::set<std::uint32_t> listed;
         for (const auto& [depth, g] : list) listed.insert(g);
         for (std::uint32_t g = 0; g < splats.size(); ++g) {
             const WireSplat& s = splats[g];
-            const double radius = std::sqrt(2 * splat_threshold(double(kOpacity), 255.0) / double(s.a)),
-                         dx = s.mean_x - std::clamp(double(s.mean_x), x + 0.5, x + kTileX - 0.5),
+            const double dx = s.mean_x - std::clamp(double(s.mean_x), x + 0.5, x + kTileX - 0.5),
                          dy = s.mean_y - std::clamp(double(s.mean_y), y + 0.5, y + kTileY - 0.5),
                          distance = std::hypot(dx, dy);
-            if (distance < radius * 0.9999) {
+            if (distance < radii[g] * 0.9999) {
                 ASSERT_TRUE(listed.contains(g)) << g << " in the tile at " << x << ", " << y;
             }
-            if (distance > radius * 1.001) {
+            if (distance > radii[g] * 1.001) {
                 ASSERT_FALSE(listed.contains(g)) << g << " in the tile at " << x << ", " << y;
             }
         }
@@ -143,7 +146,7 @@ TEST_F(GpuLists, SmallestImageAndNoSplats) {
     expect_lists({disc(0.5f, 0.5f, 3, 2, 1, 1), disc(0.5f, 0.5f, 3, 1, 1, 1)}, 1, 1);
 }
 
-TEST_F(GpuLists, WhatDoesNotFitIsNotTouched) {
+TEST_F(GpuLists, WhatDoesNotFitIsNotListed) {
     std::vector<WireSplat> splats;
     for (int k = 0; k < 300; ++k) splats.push_back(disc(random(0, 100), random(0, 100), k % 2 ? 90 : 5, 2, 100, 100));
     const auto needed = std::int64_t(list_on_device(splats, 100, 100, 1, false).num_instances);
