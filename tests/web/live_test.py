@@ -75,9 +75,13 @@ def check_training(browser, run):
     while browser.evaluate(MIDDLE) == first:
         check(time.monotonic() < deadline, "the picture changes")
         time.sleep(0.2)
+    # Frames wait until the next picture has come: a comparison leaves WebGPU when it draws that one, and the picture must come again.
+    browser.evaluate("{ window.frame = requestAnimationFrame; window.waiting = []; window.requestAnimationFrame = (draw) => waiting.push(draw); }")
     browser.evaluate("document.getElementById('next').click()")
     browser.evaluate("document.getElementById('compare-on').click()")
     check(browser.evaluate("document.getElementById('compare-right').value") == "photograph", "a test view can be compared with its photograph")
+    wait_for(browser, "gsapp.way === 'WebGL2'", "comparisons are drawn by WebGL2")
+    browser.evaluate("{ window.requestAnimationFrame = frame; waiting.forEach((draw) => frame(draw)); }")
     wait_for(browser, "document.getElementById('label-right').textContent === 'Photograph'", "which is shown beside it")
     version = "document.getElementById('live-info').innerText.match(/iteration\\s+([\\d,]+)/)[1]"
     before = browser.evaluate(version)

@@ -174,6 +174,7 @@ export class ModelLoader {
       begin(scene);
     };
     await this.readToEnd(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });
+    signal.throwIfAborted(); // drawing it for the first time may have ended it: where WebGPU is left, it must come again
   }
 
   /** The same for a page that asks again later. Returns whether there is nothing more to try. */
