@@ -169,53 +169,65 @@ __global__ void __launch_bounds__(kThreads, 4)
     const Tile block;
     const std::size_t plane = a.plane();
     const float* image = a.in.image + block.c * plane;
+    bool equal = true;
     block.for_loads(a, [&](const auto& pixels, int i, int j) {
         float render[kLoads] = {};
         pixels.for_each([&](int u, unsigned pixel) { render[u] = image[pixel]; });
         const typename Storage::template Targets<kLoads> targets(a, block.c, pixels);
 #pragma unroll
-        for (int u = 0; u < kLoads; ++u)
-            tile[j + u * kRowStep][i] =
-                make_float2(targets.weight[u] * render[u], targets.weight[u] * targets.value[u]);
-    });
-    __syncthreads();
-    if (threadIdx.x < kHalo * (kTile / kAcross)) {
-        const int j = threadIdx.x % kHalo, i = threadIdx.x / kHalo * kAcross;
-        float s[5][kAcross] = {};
-#pragma unroll
-        for (int t = 0; t < kAcross + kTapCount - 1; ++t) {
-            const float2 v = tile[j][i + t];
-            const float xx = v.x * v.x, yy = v.y * v.y, xy = v.x * v.y;
-#pragma unroll
-            for (int o = 0; o < kAcross; ++o) {
-                if (t - o < 0 || t - o >= kTapCount) continue;
-                const float g = kTaps[t - o];
-                s[0][o] = fmaf(g, v.x, s[0][o]), s[1][o] = fmaf(g, v.y, s[1][o]);
-                s[2][o] = fmaf(g, xx, s[2][o]), s[3][o] = fmaf(g, yy, s[3][o]), s[4][o] = fmaf(g, xy, s[4][o]);
-            }
+        for (int u = 0; u < kLoads; ++u) {
+            const float2 v = {targets.weight[u] * render[u], targets.weight[u] * targets.value[u]};
+            tile[j + u * kRowStep][i] = v;
+            equal = equal && v.x == v.y;
         }
-#pragma unroll
-        for (int m = 0; m < 5; ++m)
-#pragma unroll
-            for (int o = 0; o < kAcross; ++o) rows[m][j][i + o] = s[m][o];
-    }
-    __syncthreads();
-    const int i = threadIdx.x % kTile, first = threadIdx.x / kTile * kDown;
-    float s[5][kDown];
-#pragma unroll
-    for (int m = 0; m < 5; ++m) filter<kDown>(s[m], [&](int t) { return rows[m][first + t][i]; });
-    float sum = 0;
-    float *const p_map = maps + block.c * plane, *const q_map = p_map + 3 * plane, *const r_map = q_map + 3 * plane;
-    block.for_outputs(a, i, first, [&](const auto& pixels) {
-        pixels.for_each([&](int o, unsigned pixel) {
-            const SsimPixel<float> p = ssim_pixel(s[0][o], s[1][o], s[2][o], s[3][o], s[4][o]);
-            const float w = a.in.target.mask ? component(a.in.target.mask[pixel]) : 1.0f, u = a.ssim_step * w;
-            p_map[pixel] = u * p.p;
-            q_map[pixel] = u * p.q;
-            r_map[pixel] = u * p.r;
-            sum += w * p.ssim;
-        });
     });
+    float sum = 0;
+    // Sets the pixels of the thread to maps(o), o = 0 .. kDown - 1.
+    const auto write = [&](auto ssim) {
+        const int i = threadIdx.x % kTile, j = threadIdx.x / kTile * kDown;
+        float *const p_map = maps + block.c * plane, *const q_map = p_map + 3 * plane, *const r_map = q_map + 3 * plane;
+        block.for_outputs(a, i, j, [&](const auto& pixels) {
+            pixels.for_each([&](int o, unsigned pixel) {
+                const SsimPixel<float> p = ssim(o);
+                const float w = a.in.target.mask ? component(a.in.target.mask[pixel]) : 1.0f, u = a.ssim_step * w;
+                p_map[pixel] = u * p.p;
+                q_map[pixel] = u * p.q;
+                r_map[pixel] = u * p.r;
+                sum += w * p.ssim;
+            });
+        });
+    };
+    // Where both pictures are the same, as behind an object on a plain background, SSIM is 1 and at its maximum.
+    if (__syncthreads_and(equal)) {
+        write([](int) { return SsimPixel<float>{1, 0, 0, 0}; });
+    } else {
+        if (threadIdx.x < kHalo * (kTile / kAcross)) {
+            const int j = threadIdx.x % kHalo, i = threadIdx.x / kHalo * kAcross;
+            float s[5][kAcross] = {};
+#pragma unroll
+            for (int t = 0; t < kAcross + kTapCount - 1; ++t) {
+                const float2 v = tile[j][i + t];
+                const float xx = v.x * v.x, yy = v.y * v.y, xy = v.x * v.y;
+#pragma unroll
+                for (int o = 0; o < kAcross; ++o) {
+                    if (t - o < 0 || t - o >= kTapCount) continue;
+                    const float g = kTaps[t - o];
+                    s[0][o] = fmaf(g, v.x, s[0][o]), s[1][o] = fmaf(g, v.y, s[1][o]);
+                    s[2][o] = fmaf(g, xx, s[2][o]), s[3][o] = fmaf(g, yy, s[3][o]), s[4][o] = fmaf(g, xy, s[4][o]);
+                }
+            }
+#pragma unroll
+            for (int m = 0; m < 5; ++m)
+#pragma unroll
+                for (int o = 0; o < kAcross; ++o) rows[m][j][i + o] = s[m][o];
+        }
+        __syncthreads();
+        float s[5][kDown];
+        const int i = threadIdx.x % kTile, first = threadIdx.x / kTile * kDown;
+#pragma unroll
+        for (int m = 0; m < 5; ++m) filter<kDown>(s[m], [&](int t) { return rows[m][first + t][i]; });
+        write([&](int o) { return ssim_pixel(s[0][o], s[1][o], s[2][o], s[3][o], s[4][o]); });
+    }
     sum = block_sum(sum);
     if (threadIdx.x == 0) partials[block_number()].y = sum;
 }
@@ -254,6 +266,7 @@ __global__ void __launch_bounds__(kThreads, 4)
     __shared__ float rows[3][kHalo][kTile + 1];
     const Tile block;
     const std::size_t plane = a.plane();
+    bool zero = true;
     block.for_loads(a, [&](const auto& pixels, int i, int j) {
         float v[3][kLoads] = {};
 #pragma unroll
@@ -264,27 +277,28 @@ __global__ void __launch_bounds__(kThreads, 4)
 #pragma unroll
         for (int m = 0; m < 3; ++m)
 #pragma unroll
-            for (int u = 0; u < kLoads; ++u) tile[m][j + u * kRowStep][i] = v[m][u];
+            for (int u = 0; u < kLoads; ++u) tile[m][j + u * kRowStep][i] = v[m][u], zero = zero && v[m][u] == 0;
     });
-    __syncthreads();
-    if (threadIdx.x < kHalo * (kTile / kAcross)) {
-        const int j = threadIdx.x % kHalo, i = threadIdx.x / kHalo * kAcross;
+    const int column = threadIdx.x % kTile, first = threadIdx.x / kTile * kDown;
+    float f[3][kDown] = {};
+    if (!__syncthreads_and(zero)) {
+        if (threadIdx.x < kHalo * (kTile / kAcross)) {
+            const int j = threadIdx.x % kHalo, i = threadIdx.x / kHalo * kAcross;
 #pragma unroll
-        for (int m = 0; m < 3; ++m) {
-            float s[kAcross];
-            filter<kAcross>(s, [&](int t) { return tile[m][j][i + t]; });
+            for (int m = 0; m < 3; ++m) {
+                float s[kAcross];
+                filter<kAcross>(s, [&](int t) { return tile[m][j][i + t]; });
 #pragma unroll
-            for (int o = 0; o < kAcross; ++o) rows[m][j][i + o] = s[o];
+                for (int o = 0; o < kAcross; ++o) rows[m][j][i + o] = s[o];
+            }
         }
-    }
-    __syncthreads();
-    const int i = threadIdx.x % kTile, first = threadIdx.x / kTile * kDown;
-    float f[3][kDown];
+        __syncthreads();
 #pragma unroll
-    for (int m = 0; m < 3; ++m) filter<kDown>(f[m], [&](int t) { return rows[m][first + t][i]; });
+        for (int m = 0; m < 3; ++m) filter<kDown>(f[m], [&](int t) { return rows[m][first + t][column]; });
+    }
     const float* image = a.in.image + block.c * plane;
     float *const gradient = dL_dimage + block.c * plane, sum = 0;
-    block.for_outputs(a, i, first, [&](const auto& pixels) {
+    block.for_outputs(a, column, first, [&](const auto& pixels) {
         float render[kDown] = {};
         pixels.for_each([&](int o, unsigned pixel) { render[o] = image[pixel]; });
         const typename Storage::template Targets<kDown> targets(a, block.c, pixels);

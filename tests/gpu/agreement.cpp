@@ -97,7 +97,8 @@ void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r,
 }  // namespace
 
 void expect_step_within_bounds(const std::vector<Backend*>& backends, const TestScene& scene) {
-    const RandomTarget target(scene.camera.width, scene.camera.height, scene.channels, scene.masked, scene.floats);
+    RandomTarget target(scene.camera.width, scene.camera.height, scene.channels, scene.masked, scene.floats);
+    if (scene.clear_from) target.clear_from(*scene.clear_from);
     StepRequest r = step_request(scene.camera, target.image());
     r.background = scene.background;
     const StepReference want = reference_step(scene.model, r);

@@ -40,6 +40,11 @@ struct RandomTarget {
         if (masked) mask.resize(pixels);
         for (auto& x : mask) x = rng() % 4 ? std::uint8_t(rng()) : 0;
     }
+    /// Makes the pixels of column x and all right of it transparent. Four channels.
+    void clear_from(int x) {
+        for (std::size_t i = 0; i < std::size_t(width) * height; ++i)
+            if (int(i % std::size_t(width)) >= x) (u8.empty() ? void(f32[4 * i + 3] = 0) : void(u8[4 * i + 3] = 0));
+    }
     TargetImage image(std::int64_t id = -1) const {
         return {width,
                 height,

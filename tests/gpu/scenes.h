@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <numeric>
+#include <optional>
 
 #include "tests/gpu/gpu_test.h"
 
@@ -15,6 +16,7 @@ struct TestScene {
     Vec3<float> background{0.3f, 0.6f, 0.1f};
     int channels = 3;
     bool masked = false, floats = false;
+    std::optional<int> clear_from;  ///< the first column of the target that is transparent, as are all right of it
     /// Half of the error bounds must lie below this share of the largest value, or they would not say anything.
     double informative = 2e-3;
     bool round = false;  ///< Gaussians are spheres: gradients of rotations are nothing but rounding
@@ -152,6 +154,21 @@ inline TestScene border_scene() {
     return t;
 }
 
+/// Returns Gaussians in the left third of the picture. Right of the middle the target is transparent, so that both
+/// pictures show nothing but the background in whole tiles of the loss.
+inline TestScene beside_plain_background_scene() {
+    const auto camera = test_camera(240, 140);
+    auto s = random_gaussians(300, 3, 91);
+    std::mt19937 rng(92);
+    for (std::int64_t i = 0; i < s.count; ++i) {
+        place(s, i, unproject(camera, double(rng() % 80), double(rng() % 140), 3 + 0.01 * double(i)));
+        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] = -3 - 0.3 * k;
+    }
+    TestScene t = finished(std::move(s), camera);
+    t.channels = 4, t.clear_from = 120;
+    return t;
+}
+
 inline TestScene with(TestScene s, std::function<void(TestScene&)> change) {
     change(s);
     return s;
@@ -184,6 +201,7 @@ inline std::vector<NamedScene> test_scenes() {
         {"Huge", [] { return huge_scene(); }},
         {"ShortNeedles", [] { return with(needle_scene(240, -2), [](TestScene& s) { s.informative = 0.02; }); }},
         {"LongNeedles", [] { return with(needle_scene(60, -0.8), [](TestScene& s) { s.informative = 0.3; }); }},
+        {"BesidePlainBackground", beside_plain_background_scene},
         {"Borders", [] { return border_scene(); }},
         {"DegreeZero",
          [=] { return with(target(0, 3, false, false), [](TestScene& s) { s.model.appearance.model = "sh"; }); }},
