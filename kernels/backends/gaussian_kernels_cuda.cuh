@@ -11,7 +11,7 @@
 
 namespace gs {
 
-inline constexpr int kForwardBlock = 128;
+inline constexpr int kForwardBlock = 128, kForwardBlocksAtOnce = 8;
 
 /// Loads all of a Gaussian's geometry at once. Left alone, the compiler moves each load to where its value is needed
 /// first, behind the tests of those before, and each waits for memory on its own.
@@ -24,6 +24,13 @@ __device__ inline GaussianGeometry<float> load_geometry(const ParameterView<floa
     return g;
 }
 
+/// Loads a Gaussian's base colour, which the compiler would otherwise ask for where it is needed.
+__device__ inline Vec3<float> load_base(const ParameterView<float>& params, std::int64_t i) {
+    Vec3<float> base = params.base(i);
+    asm volatile("" : "+f"(base.x), "+f"(base.y), "+f"(base.z));
+    return base;
+}
+
 /// A warp's rows of residual parameters in shared memory.
 template <class Model> struct RowMemory {
     static constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
@@ -31,16 +38,20 @@ template <class Model> struct RowMemory {
     float sums[32];  ///< LazyTable::sums of the steps that each row has missed
     std::uint8_t list[32];
 
-    /// Loads the rows in `mask`, and takes the steps that they have missed in this memory only. `first` is the warp's
-    /// first Gaussian, `lag` the number of steps that this lane's row has missed. Returns the rows that had missed
-    /// steps.
-    __device__ unsigned load(const PreprocessArgs& a, std::int64_t first, unsigned mask, int lag) {
+    /// Begins to load the rows in `mask`. `first` is the warp's first Gaussian. Only forward passes may have residuals
+    /// in half precision; the others are spared the code.
+    template <bool kForward> __device__ void begin(const PreprocessArgs& a, std::int64_t first, unsigned mask) {
         const int width = a.params.residual_width;
-        if (a.half_residuals) {  // only frames read them, after all steps
+        if (kForward && a.half_residuals)  // of a model that has taken all steps
             load_rows(mask, width, list, a.half_residuals + first * width, rows);
-            return 0;
-        }
-        load_rows(mask, width, list, a.params.residual(first), rows);
+        else
+            begin_rows(mask, width, list, a.params.residual(first), rows);
+    }
+    /// Waits for them, and takes the steps that they have missed in this memory only. `lag` is the number of steps that
+    /// this lane's row has missed. Returns the rows that had missed steps.
+    __device__ unsigned end(const PreprocessArgs& a, std::int64_t first, int lag) {
+        const int width = a.params.residual_width;
+        wait_for_rows();
         const unsigned stale = __ballot_sync(~0u, lag > 0);
         if (stale) {
             sums[threadIdx.x & 31] = a.lazy.table.sums[lag];
@@ -50,16 +61,24 @@ template <class Model> struct RowMemory {
     }
 };
 
-/// Returns the residual of this lane's Gaussian, which is 0 where the mode or the degree leaves it out. All lanes must
-/// call it.
+/// Begins to load the residuals of the warp's Gaussians that may be `visible`, but none where the mode or the degree
+/// leaves them out. Returns whether there are any. All lanes must call it.
 template <class Model>
-__device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bool visible, RowMemory<Model>& memory,
-                                     typename WarpAppearance<Model>::Memory& scratch) {
+__device__ bool begin_residual(const PreprocessArgs& a, std::int64_t i, bool visible, RowMemory<Model>& memory) {
+    if (!Model::kDirectional || a.degree == 0 || a.mode == RenderMode::kBaseOnly) return false;
+    const unsigned mask = __ballot_sync(~0u, visible && i < a.params.num_residuals);
+    if (mask) memory.template begin<true>(a, i - (threadIdx.x & 31), mask);
+    return mask;
+}
+
+/// Returns the residual of this lane's Gaussian, or 0 where none has begun to load. All lanes must call it.
+template <class Model>
+__device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bool visible, bool begun,
+                                     RowMemory<Model>& memory, typename WarpAppearance<Model>::Memory& scratch) {
     if constexpr (Model::kDirectional) {
-        const bool shown = visible && i < a.params.num_residuals;
-        const unsigned mask = __ballot_sync(~0u, shown);
-        if (mask && a.degree > 0 && a.mode != RenderMode::kBaseOnly) {
-            memory.load(a, i - (threadIdx.x & 31), mask, shown ? a.lazy.lag(i) : 0);
+        if (begun) {
+            const bool shown = visible && i < a.params.num_residuals;
+            memory.end(a, i - (threadIdx.x & 31), shown ? a.lazy.lag(i) : 0);
             const Vec3<float> direction = shown ? a.params.direction(i, a.camera.position).unit : Vec3<float>{0, 0, 1};
             const Vec3<float> residual =
                 WarpAppearance<Model>(scratch, a.shared.prepared)
@@ -72,7 +91,7 @@ __device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bo
 
 /// Projects the Gaussians. With kFused it also computes their colours; otherwise evaluate_colors adds them.
 template <class Model, bool kFused>
-__global__ void __launch_bounds__(kForwardBlock, 7)
+__global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
     preprocess_forward(PreprocessArgs a, PackedSplat* __restrict__ splats, CudaBinningInput out,
                        StepControl* __restrict__ control) {
     __shared__ RowMemory<Model> memory[kFused ? kForwardBlock / 32 : 1];
@@ -88,11 +107,14 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
     if (valid)
         valid =
             make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
+    // Colours are on their way while tiles are tested. Few Gaussians that come so far reach none.
+    const bool begun = kFused && begin_residual<Model>(a, i, valid, memory[warp]);
+    const Vec3<float> base = kFused && valid ? load_base(a.params, i) : Vec3<float>{0, 0, 0};
     const TileTest tiles = test_tiles(s, b, valid);
     const bool visible = tiles.count > 0;
     if constexpr (kFused) {
-        const Vec3<float> residual = warp_residual<Model>(a, i, visible, memory[warp], scratch[warp]);
-        if (visible) s.color = gaussian_color(a.params.activation, a.params.base(i), residual, a.mode);
+        const Vec3<float> residual = warp_residual<Model>(a, i, visible, begun, memory[warp], scratch[warp]);
+        if (visible) s.color = gaussian_color(a.params.activation, base, residual, a.mode);
     }
     if (i < a.params.count) place_splat(i, s, b, tiles, a.depth_key, depth, splats, out);
     end_count(block, tiles.count, control);
@@ -100,14 +122,15 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
 
 /// Computes residuals and colours of the visible Gaussians in the separate pass.
 template <class Model>
-__global__ void __launch_bounds__(kForwardBlock, 7)
+__global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
     evaluate_colors(PreprocessArgs a, const std::uint32_t* __restrict__ counts, PackedSplat* __restrict__ splats) {
     __shared__ RowMemory<Model> memory[kForwardBlock / 32];
     __shared__ typename WarpAppearance<Model>::Memory scratch[kForwardBlock / 32];
     const std::int64_t i = std::int64_t(blockIdx.x) * kForwardBlock + threadIdx.x;
     const int warp = threadIdx.x >> 5;
     const bool visible = i < a.params.count && counts[i] > 0;
-    const Vec3<float> residual = warp_residual<Model>(a, i, visible, memory[warp], scratch[warp]);
+    const bool begun = begin_residual<Model>(a, i, visible, memory[warp]);
+    const Vec3<float> residual = warp_residual<Model>(a, i, visible, begun, memory[warp], scratch[warp]);
     if (!visible) return;
     a.separate.residuals[i] = residual;
     splats[i].set_color(gaussian_color(a.params.activation, a.params.base(i), residual, a.mode));
@@ -294,9 +317,9 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     if (seen) {
         float* gradients = space.gradients;
-        space.memory.load(a, i - lane, seen, visible ? a.lazy.lag(i) : 0);
+        space.memory.template begin<false>(a, i - lane, seen);
         for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
-        __syncwarp();
+        space.memory.end(a, i - lane, visible ? a.lazy.lag(i) : 0);
         Vec3<float> dL_dy{0, 0, 0};
         const Vec3<float> dL_dmean = appearance_gradient<Model>(
             a, a.camera.position, i, visible, [&] { return sums[i].sums(); }, appearance, space, width, dL_dy);
@@ -398,8 +421,9 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         rows = !waits || __popc(seen) >= kManyVisible ? __ballot_sync(~0u, owns) : seen;
         const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
         if (rows) {
-            stale = space.memory.load(a, i - lane, rows, lag);
+            space.memory.template begin<false>(a, i - lane, rows);
             for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
+            stale = space.memory.end(a, i - lane, lag);
         }
         if (stale) decay_m[lane] = first_moment_decay(lag), decay_v[lane] = second_moment_decay(lag);
         if (arrays.last_step) stale = decay_moments(turns, update, space);
@@ -474,9 +498,9 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
     const unsigned rows = __popc(moving) >= kManyVisible ? __ballot_sync(~0u, owns) : moving;
     const int views_of_warp = __any_sync(~0u, moves) ? num_views : 0;
     if (rows) {
-        space.memory.load(a, i - lane, rows, 0);
+        space.memory.template begin<false>(a, i - lane, rows);
         for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
-        __syncwarp();
+        space.memory.end(a, i - lane, 0);
     }
     GaussianGradient<float> mean{};
     for (int v = 0; v < views_of_warp; ++v) {

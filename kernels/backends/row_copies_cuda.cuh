@@ -40,9 +40,9 @@ class RowElements {
     int width_, rows_, row_, column_, step_rows_, step_columns_;
 };
 
-/// Copies the rows of a warp that `mask` selects to shared memory, at the same offsets. All copies are on their way
-/// before the first is waited for.
-__device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const float* from, float* to) {
+/// Begins to copy the rows of a warp that `mask` selects to shared memory, at the same offsets. They are there after
+/// wait_for_rows.
+__device__ inline void begin_rows(unsigned mask, int width, std::uint8_t* list, const float* from, float* to) {
     if (mask == ~0u) {  // all rows of a warp move 16 bytes at a time, on 16-byte boundaries
         for (int k = 4 * (threadIdx.x & 31); k < 32 * width; k += 128) __pipeline_memcpy_async(to + k, from + k, 16);
     } else {
@@ -54,8 +54,16 @@ __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, c
         }
     }
     __pipeline_commit();
+}
+__device__ inline void wait_for_rows() {
     __pipeline_wait_prior(0);
     __syncwarp();
+}
+
+/// Copies them, and waits.
+__device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const float* from, float* to) {
+    begin_rows(mask, width, list, from, to);
+    wait_for_rows();
 }
 
 /// The number of loads in flight per lane and array, where values pass through registers.
