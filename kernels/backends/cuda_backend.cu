@@ -229,11 +229,11 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     // The buffers that only binning uses share their place with those that are needed only after it.
     const std::size_t at = c.at();
     binning_.take_temporaries(c);
-    if (sizes.received > 0) {
-        // They are read before the blend writes here, and their sums are packed here after its backward pass. The
-        // sums of all splats end before this place, and so do projections of other views, while these are on their way.
-        c.rewind(std::max({c.at(), at + sizes.n * sizeof(PackedSums), sizes.received_at}));
-        wire_.splats = c.take<WireSplat>(std::size_t(sizes.received));
+    if (sizes.placed > 0) {
+        // They are read before the blend writes here, and their sums are packed here after its backward pass. The sums
+        // of all splats end before this place, and so does what is computed while splats or sums lie here.
+        c.rewind(std::max({c.at(), at + sizes.n * sizeof(PackedSums), sizes.placed_at}));
+        wire_.splats = c.take<WireSplat>(std::size_t(sizes.placed));
     }
     if (!for_step) return;
     c.rewind(at);
@@ -273,8 +273,8 @@ std::size_t CudaBackend::bytes_of(const Sizes& sizes) {
 void CudaBackend::lay_out_view(const CameraParams<float>& camera, std::int64_t n, bool for_backward) {
     if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * n, 1 << 16);
     const auto try_capacity = [&] {
-        lay_out({for_backward ? Layout::kStep : Layout::kFrame, n, capacity_, camera.width, camera.height,
-                 wire_.received, wire_.received_at});
+        lay_out({for_backward ? Layout::kStep : Layout::kFrame, n, capacity_, camera.width, camera.height, wire_.placed,
+                 wire_.placed_at});
     };
     try {
         try_capacity();

@@ -72,7 +72,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
     void end_projection(ProjectedView& out) override;
     void end_projection(ProjectedView& out, std::size_t room) override;
-    std::byte* room_for_received(const CameraParams<float>& camera, std::size_t splats, std::size_t received) override;
+    std::byte* room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed) override;
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override;
     void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
@@ -130,8 +130,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         Layout layout = Layout::kFrame;
         std::int64_t n = 0, capacity = 0;
         int width = 0, height = 0;
-        std::int64_t received = 0;    ///< splats that come from other ranks, and lie in the block
-        std::size_t received_at = 0;  ///< the least place of these in bytes
+        std::int64_t placed = 0;    ///< splats that lie in the block as ranks send them
+        std::size_t placed_at = 0;  ///< the least place of these in bytes
         bool operator==(const Sizes&) const = default;
     };
 
@@ -247,9 +247,9 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         DeviceBuffer<std::uint32_t> rows;  ///< of its splats
         DeviceBuffer<std::int64_t> num_rows;
         DeviceBuffer<unsigned char> cub;
-        WireSplat* splats = nullptr;  ///< from other ranks, in the scratch block
-        std::int64_t received = 0;    ///< of the view that is rendered next, as in Sizes
-        std::size_t received_at = 0;
+        WireSplat* splats = nullptr;  ///< those that lie in the scratch block
+        std::int64_t placed = 0;      ///< of the view that is rendered next, as in Sizes
+        std::size_t placed_at = 0;
         DeviceBuffer<StepView> views;
         DeviceBuffer<SplatsOfRank> parts;       ///< of a view whose splats are put in order
         std::vector<StepView> host_views;       ///< stays as it is while the device is at work

@@ -91,12 +91,13 @@ void CudaBackend::end_projection(ProjectedView& out, std::size_t room) {
                 wire_.camera, splats_, to, stream_);
 }
 
-std::byte* CudaBackend::room_for_received(const CameraParams<float>& camera, std::size_t splats, std::size_t received) {
+std::byte* CudaBackend::room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed) {
     make_slot();  // which may change the room that a view has
-    wire_.received = std::int64_t(received);
-    wire_.received_at = bytes_of({.layout = Layout::kProjection, .n = model_.count});
+    wire_.placed = std::int64_t(placed);
+    wire_.placed_at = std::max(bytes_of({.layout = Layout::kProjection, .n = model_.count}),
+                               bytes_of({.layout = Layout::kSharedSums, .n = model_.count}));
     lay_out_view(camera, std::int64_t(splats), true);
-    return received > 0 ? reinterpret_cast<std::byte*>(wire_.splats) : nullptr;
+    return placed > 0 ? reinterpret_cast<std::byte*>(wire_.splats) : nullptr;
 }
 
 void CudaBackend::order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
@@ -142,7 +143,7 @@ void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r,
     const int slot = int(wire_.views_begun.size());
     const DeviceTarget target = images_.get(r.target, slot, stream_);
     const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
-    wire_.received = 0, wire_.received_at = 0;
+    wire_.placed = 0, wire_.placed_at = 0;
     enqueue_loss(r, target);
     enqueue_sums_of_splats(r, splats, bins);
     report_to(slot);

@@ -30,10 +30,7 @@ template <class T> class RankArray {
   public:
     /// Makes an empty array in the memory of `device`, which must outlive it, or in the host's where that is null.
     explicit RankArray(RankDevice* device = nullptr)
-        : device_(device), block_(device ? device->make_block() : nullptr) {}
-
-    /// Makes an empty array in a block of `device`.
-    RankArray(RankDevice* device, std::shared_ptr<DeviceBlock> block) : device_(device), block_(std::move(block)) {}
+        : device_(device), block_(device ? std::make_shared<PlacedBlock>(device->make_block()) : nullptr) {}
 
     RankArray(RankArray&&) = default;
     RankArray& operator=(RankArray&&) = default;
@@ -47,6 +44,11 @@ template <class T> class RankArray {
         return array;
     }
 
+    /// Lets the array and those in its memory lie at `place` of the device from their next resize() on, where there
+    /// must be room for them; null: in memory of its own. On the host nothing changes.
+    void lie_at(std::byte* place) {
+        if (block_) block_->lie_at(place);
+    }
     /// Changes the number of values. They are lost where it grows, and arrays in the same memory must then be resized
     /// before they are used. Throws DeviceError if there is no memory.
     T* resize(std::size_t size) {
@@ -98,7 +100,7 @@ template <class T> class RankArray {
     template <class U> friend class RankArray;
 
     RankDevice* device_;
-    std::shared_ptr<DeviceBlock> block_;  ///< of the device, where there is one
+    std::shared_ptr<PlacedBlock> block_;  ///< of the device, where there is one
     std::vector<T> values_;               ///< in the host's memory otherwise
     T* data_ = nullptr;
     std::size_t size_ = 0;

@@ -40,14 +40,7 @@ RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targe
       ordered_(shard_.device()),
       shared_(shard_.device()),
       shared_of_all_ranks_(shard_.device()) {
-    for (int r = 0; r < ranks_.size(); ++r) {
-        if (RankDevice* device = shard_.device()) {
-            blocks_.push_back(std::make_shared<PlacedBlock>(device->make_block()));
-            received_.emplace_back(device, blocks_.back());
-        } else {
-            received_.emplace_back();
-        }
-    }
+    for (int r = 0; r < ranks_.size(); ++r) received_.emplace_back(shard_.device());
     sums_.device = shard_.device();
     if (!ranks_.link()) return;
     // The first transfer between two devices takes tenths of a second.
@@ -95,21 +88,28 @@ void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<S
     }
 }
 
-void RankWorker::place_received(const std::vector<ShownView>& views, std::size_t mine, bool foreseen) {
+void RankWorker::place_splats(const std::vector<ShownView>& views, std::size_t first, bool foreseen) {
     ranks_.settle();  // what they hold may still be on its way
+    const std::size_t own = rank_after(0), mine = first + own;
+    if (mine >= views.size()) return;
+    // The next view that is rendered takes the place, but the sums of the rank's own splats must last until the step.
+    const bool is_last = first + received_.size() >= views.size();
+    const auto room_of_rank = [&](std::size_t r) { return room(views[mine].id, r); };
     std::byte* at = nullptr;
-    if (foreseen && mine < views.size()) {
-        std::size_t splats = 0, received = 0;
+    if (foreseen) {
+        std::size_t splats = 0, placed = 0;
         for (std::size_t r = 0; r < received_.size(); ++r) {
-            splats += room(views[mine].id, r);
-            if (r != rank_after(0)) received += room(views[mine].id, r);
+            splats += room_of_rank(r);
+            if (r != own || is_last) placed += room_of_rank(r);
         }
-        at = shard_.room_for_received(views[mine].camera, splats, received);
+        at = shard_.room_for_splats(views[mine].camera, splats, placed);
     }
-    for (std::size_t r = 0; r < blocks_.size(); ++r) {
-        blocks_[r]->lie_at(at);
-        if (at && r != rank_after(0)) at += room(views[mine].id, r) * sizeof(WireSplat);
+    for (std::size_t r = 0; r < received_.size(); ++r) {
+        if (r == own) continue;
+        received_[r].lie_at(at);
+        if (at) at += room_of_rank(r) * sizeof(WireSplat);
     }
+    projected_[mine].splats.lie_at(is_last ? at : nullptr);
 }
 
 void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t first) {
@@ -127,7 +127,7 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
     };
     const std::size_t mine = first + rank_after(0);
     const bool renders = mine < views.size();
-    place_received(views, mine, foreseen);
+    place_splats(views, first, foreseen);
     // Views of other ranks come first, so that their splats are on their way while the next view is projected.
     begin_projection(first + rank_after(1));
     for (std::size_t offset = 1; offset < num_ranks; ++offset) {

@@ -119,8 +119,9 @@ class RankWorker {
     /// model's rows, the others by rank.
     template <class Sum, class Fn>
     void render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view);
-    /// Says where splats from other ranks are received: those of view `mine` of a step where the shard wants them.
-    void place_received(const std::vector<ShownView>& views, std::size_t mine, bool foreseen);
+    /// Says where the splats of the view that this rank renders are to lie, of the views from `first` on: those of a
+    /// step where the shard wants them.
+    void place_splats(const std::vector<ShownView>& views, std::size_t first, bool foreseen);
     /// Projects the views from `first` on, one for each rank or until `views` end, and brings those of the view that
     /// this rank renders to splats_.
     void gather_splats(const std::vector<ShownView>& views, std::size_t first);
@@ -157,8 +158,7 @@ class RankWorker {
     std::size_t isp_size_ = 0;  ///< values of PPISP
     const bool makes_rooms_;    ///< for splats of steps, so that nobody waits for their number
     SplatRooms rooms_;
-    std::vector<ProjectedView> projected_;              ///< per view: the rank's splats
-    std::vector<std::shared_ptr<PlacedBlock>> blocks_;  ///< by rank: memory of received_, where there is a device
+    std::vector<ProjectedView> projected_;           ///< per view: the rank's splats
     std::vector<RankArray<WireSplat>> received_;     ///< by rank: splats of the view that is rendered, from the others
     SplatParts splats_;                              ///< of the view that is rendered
     RankArray<WireSplat> ordered_;                   ///< these, by their rows in the whole model

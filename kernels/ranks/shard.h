@@ -113,10 +113,10 @@ class Shard {
     /// Does the same without waiting for a device: writes `room` splats. Those beyond it are left out, and what they
     /// leave free reaches no pixel.
     virtual void end_projection(ProjectedView& out, std::size_t room) = 0;
-    /// Makes room for the next view that is rendered for a step, and returns where in it the splats that come from
-    /// other ranks are to lie, and their sums after them; null if they should lie in memory of their own. `splats` and
-    /// `received` count all splats of the view and these.
-    virtual std::byte* room_for_received(const CameraParams<float>&, std::size_t /*splats*/, std::size_t /*received*/) {
+    /// Makes room for the next view that is rendered for a step, and returns where in it `placed` of its `splats` are
+    /// to lie, and their sums after them; null if they should lie in memory of their own. What lies there is lost with
+    /// the next view.
+    virtual std::byte* room_for_splats(const CameraParams<float>&, std::size_t /*splats*/, std::size_t /*placed*/) {
         return nullptr;
     }
     /// Does what order_on_host() says, where the arrays lie.

@@ -66,19 +66,19 @@ TEST(Communicator, TakesArraysOfDevicesThroughTheHost) {
     }
 }
 
-TEST(PlacedBlock, LiesWhereItIsTold) {
+TEST(RankArray, LiesWhereItIsTold) {
     FakeDevice device;
-    const auto block = std::make_shared<PlacedBlock>(device.make_block());
-    RankArray<float> array(&device, block);
-    const auto same = RankArray<std::uint32_t>::in_memory_of(array);
+    RankArray<float> array(&device);
+    auto same = RankArray<std::uint32_t>::in_memory_of(array);
     const float* const own = array.resize(4);
     std::vector<float> place(8);
     for (const int at : {0, 4}) {
-        block->lie_at(reinterpret_cast<std::byte*>(place.data() + at));
+        array.lie_at(reinterpret_cast<std::byte*>(place.data() + at));
         EXPECT_EQ(array.resize(4), place.data() + at);
     }
     EXPECT_EQ(same.device(), &device);
-    block->lie_at(nullptr);
+    EXPECT_EQ(static_cast<void*>(same.resize(4)), place.data() + 4);
+    array.lie_at(nullptr);
     EXPECT_EQ(array.resize(4), own) << "it has memory of its own, too";
 }
 
