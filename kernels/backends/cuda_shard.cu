@@ -94,8 +94,9 @@ void CudaBackend::end_projection(ProjectedView& out, std::size_t room) {
 std::byte* CudaBackend::room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed) {
     make_slot();  // which may change the room that a view has
     wire_.placed = std::int64_t(placed);
-    wire_.placed_at = std::max(bytes_of({.layout = Layout::kProjection, .n = model_.count}),
-                               bytes_of({.layout = Layout::kSharedSums, .n = model_.count}));
+    wire_.placed_at = bytes_of({.layout = Layout::kProjection, .n = model_.count});
+    if (kernels_.shared.count > 0)
+        wire_.placed_at = std::max(wire_.placed_at, bytes_of({.layout = Layout::kSharedSums, .n = model_.count}));
     lay_out_view(camera, std::int64_t(splats), true);
     return placed > 0 ? reinterpret_cast<std::byte*>(wire_.splats) : nullptr;
 }
