@@ -130,7 +130,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         Layout layout = Layout::kFrame;
         std::int64_t n = 0, capacity = 0;
         int width = 0, height = 0;
-        std::int64_t placed = 0;    ///< splats that lie in the block as ranks send them
+        std::int64_t placed = 0;    ///< splats that lie in the block in wire format
         std::size_t placed_at = 0;  ///< the least place of these in bytes
         bool operator==(const Sizes&) const = default;
     };

@@ -272,6 +272,7 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     }
     if (!wire_.left_out.get()) GS_CUDA(cudaMemsetAsync(wire_.left_out.reserve(2), 0, 2 * sizeof(unsigned), stream_));
     if (n == 0) return;
+    // It ends before the sums that lie in the scratch block (room_for_splats).
     if (num_shared > 0) lay_out({.layout = Layout::kSharedSums, .n = n});
     std::vector<StepView>& step_views = wire_.host_views;
     step_views.clear();

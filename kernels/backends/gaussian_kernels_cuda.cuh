@@ -11,6 +11,8 @@
 
 namespace gs {
 
+/// The Gaussians of a block of the forward pass, and how many blocks a multiprocessor should hold: on H200 eight with
+/// 64 registers a thread are faster than seven with 72.
 inline constexpr int kForwardBlock = 128, kForwardBlocksAtOnce = 8;
 
 /// Loads all of a Gaussian's geometry at once. Left alone, the compiler moves each load to where its value is needed
@@ -107,7 +109,8 @@ __global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
     if (valid)
         valid =
             make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
-    // Colours are on their way while tiles are tested. Few Gaussians that come so far reach none.
+    // Residuals and colours are on their way while tiles are tested. Nearly all Gaussians that come so far reach a
+    // tile.
     const bool begun = kFused && begin_residual<Model>(a, i, valid, memory[warp]);
     const Vec3<float> base = kFused && valid ? load_base(a.params, i) : Vec3<float>{0, 0, 0};
     const TileTest tiles = test_tiles(s, b, valid);

@@ -182,7 +182,7 @@ __global__ void __launch_bounds__(kThreads, 4)
         }
     });
     float sum = 0;
-    // Sets the pixels of the thread to maps(o), o = 0 .. kDown - 1.
+    // Writes the maps at the thread's pixels, of ssim(o), o = 0 .. kDown - 1, and adds SSIM to the sum.
     const auto write = [&](auto ssim) {
         const int i = threadIdx.x % kTile, j = threadIdx.x / kTile * kDown;
         float *const p_map = maps + block.c * plane, *const q_map = p_map + 3 * plane, *const r_map = q_map + 3 * plane;
@@ -197,7 +197,8 @@ __global__ void __launch_bounds__(kThreads, 4)
             });
         });
     };
-    // Where both pictures are the same, as behind an object on a plain background, SSIM is 1 and at its maximum.
+    // Where both pictures are the same, as behind an object on a plain background, p + 2 x q + y r is 0. All pixels
+    // that read these maps lie in the tile or its border, and are equal, too: the maps may be 0 themselves.
     if (__syncthreads_and(equal)) {
         write([](int) { return SsimPixel<float>{1, 0, 0, 0}; });
     } else {

@@ -88,12 +88,12 @@ void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<S
     }
 }
 
-void RankWorker::place_splats(const std::vector<ShownView>& views, std::size_t first, bool foreseen) {
+void RankWorker::choose_place_of_splats(const std::vector<ShownView>& views, std::size_t first, bool foreseen) {
     ranks_.settle();  // what they hold may still be on its way
     const std::size_t own = rank_after(0), mine = first + own;
     if (mine >= views.size()) return;
     // The next view that is rendered takes the place, but the sums of the rank's own splats must last until the step.
-    const bool is_last = first + received_.size() >= views.size();
+    const bool is_last = mine + received_.size() >= views.size();
     const auto room_of_rank = [&](std::size_t r) { return room(views[mine].id, r); };
     std::byte* at = nullptr;
     if (foreseen) {
@@ -127,7 +127,7 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
     };
     const std::size_t mine = first + rank_after(0);
     const bool renders = mine < views.size();
-    place_splats(views, first, foreseen);
+    choose_place_of_splats(views, first, foreseen);
     // Views of other ranks come first, so that their splats are on their way while the next view is projected.
     begin_projection(first + rank_after(1));
     for (std::size_t offset = 1; offset < num_ranks; ++offset) {

@@ -119,9 +119,9 @@ class RankWorker {
     /// model's rows, the others by rank.
     template <class Sum, class Fn>
     void render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view);
-    /// Says where the splats of the view that this rank renders are to lie, of the views from `first` on: those of a
-    /// step where the shard wants them.
-    void place_splats(const std::vector<ShownView>& views, std::size_t first, bool foreseen);
+    /// Decides where the splats of the view that this rank renders, of those from `first` on, will lie: in a step where
+    /// the shard wants them, else in memory of their own.
+    void choose_place_of_splats(const std::vector<ShownView>& views, std::size_t first, bool foreseen);
     /// Projects the views from `first` on, one for each rank or until `views` end, and brings those of the view that
     /// this rank renders to splats_.
     void gather_splats(const std::vector<ShownView>& views, std::size_t first);

@@ -114,8 +114,8 @@ class Shard {
     /// leave free reaches no pixel.
     virtual void end_projection(ProjectedView& out, std::size_t room) = 0;
     /// Makes room for the next view that is rendered for a step, and returns where in it `placed` of its `splats` are
-    /// to lie, and their sums after them; null if they should lie in memory of their own. What lies there is lost with
-    /// the next view.
+    /// to lie, and later their sums in the same place; null if they should lie in memory of their own. What lies there
+    /// stays through projections and update_rows(), until the next view is rendered.
     virtual std::byte* room_for_splats(const CameraParams<float>&, std::size_t /*splats*/, std::size_t /*placed*/) {
         return nullptr;
     }

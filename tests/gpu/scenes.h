@@ -155,7 +155,8 @@ inline TestScene border_scene() {
 }
 
 /// Returns Gaussians in the left third of the picture. Right of the middle the target is transparent, so that both
-/// pictures show nothing but the background in whole tiles of the loss.
+/// pictures show nothing but the background in whole tiles of the loss: in the first of them without its border, in the
+/// others with it.
 inline TestScene beside_plain_background_scene() {
     const auto camera = test_camera(240, 140);
     auto s = random_gaussians(300, 3, 91);
@@ -165,7 +166,7 @@ inline TestScene beside_plain_background_scene() {
         for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] = -3 - 0.3 * k;
     }
     TestScene t = finished(std::move(s), camera);
-    t.channels = 4, t.clear_from = 120;
+    t.channels = 4, t.clear_from = 128;
     return t;
 }
 
