@@ -161,14 +161,16 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         out.num_found = std::make_shared<std::uint64_t>(out.splats.size());
     }
     void end_projection(ProjectedView& out, std::size_t room) override {
-        end_projection(out);
-        const auto fit = [&](auto& array, auto filler) {
-            std::vector values(array.values().begin(), array.values().end());
-            values.resize(room, filler);
-            std::copy(values.begin(), values.end(), array.resize(room));
+        ProjectedView all;
+        end_projection(all);
+        const auto fit = [room](const auto& from, auto& to, auto filler) {
+            const auto values = from.values().first(std::min(from.size(), room));
+            auto* const begin = to.resize(room);
+            std::fill(std::copy(values.begin(), values.end(), begin), begin + room, filler);
         };
-        fit(out.splats, WireSplat{});
-        fit(out.rows, kNowhere);
+        fit(all.splats, out.splats, WireSplat{});
+        fit(all.rows, out.rows, kNowhere);
+        out.num_found = all.num_found, out.part_ends = all.part_ends;
     }
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override {

@@ -55,12 +55,13 @@ __device__ inline void begin_rows(unsigned mask, int width, std::uint8_t* list, 
     }
     __pipeline_commit();
 }
+/// Waits for the rows that the warp has begun to copy.
 __device__ inline void wait_for_rows() {
     __pipeline_wait_prior(0);
     __syncwarp();
 }
 
-/// Copies them, and waits.
+/// Copies rows as begin_rows does, and waits for them.
 __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const float* from, float* to) {
     begin_rows(mask, width, list, from, to);
     wait_for_rows();

@@ -20,8 +20,7 @@ class BackendOnDevice final : public CpuBackend<appearance::Sh> {
     /// Returns one place for all views in turn, like a scratch block: each view loses what lay there.
     std::byte* room_for_splats(const CameraParams<float>&, std::size_t splats, std::size_t placed) override {
         EXPECT_LE(placed, splats);
-        // The CPU writes a whole projection, here the last in the place, before it cuts it to its room.
-        place_.assign((placed + std::size_t(count())) * sizeof(WireSplat), std::byte(0xff));
+        place_.assign(placed * sizeof(WireSplat), std::byte(0xff));
         return placed > 0 ? place_.data() : nullptr;
     }
 
