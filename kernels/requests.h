@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <variant>
 #include <vector>
@@ -67,7 +68,8 @@ struct StepRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
     TargetImage target;
-    std::int64_t iteration = 0;  ///< 0-based
+    std::shared_ptr<const void> pixels;  ///< keeps the memory of the target; null: that is lent until the call returns
+    std::int64_t iteration = 0;          ///< 0-based
     float lambda_dssim = 0.2f;
     float opacity_reg = 0.01f;  ///< weight of mean(opacity)
     float scale_reg = 0.01f;    ///< weight of mean(exp(raw_scale))

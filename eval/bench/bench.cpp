@@ -28,7 +28,7 @@ class Steps {
         const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
         for (std::size_t k = 0; k < used; ++k) {
             views_.push_back(k * all / used);  // spreads them over the scene
-            images_.push_back(scene.train[views_.back()].load());
+            images_.push_back(std::make_shared<const ViewImage>(scene.train[views_.back()].load()));
         }
         for (std::size_t k = 0; k < std::max<std::size_t>(2, used); ++k) step();
         backend_.synchronize();
@@ -36,7 +36,7 @@ class Steps {
 
     void step() {
         const std::size_t k = std::size_t(iteration_) % views_.size();
-        backend_.step(composer_.compose({views_[k], &images_[k], background_}, Moment{iteration_, double(iteration_)}));
+        backend_.step(composer_.compose({views_[k], images_[k], background_}, Moment{iteration_, double(iteration_)}));
         ++iteration_;
     }
 
@@ -66,7 +66,7 @@ class Steps {
     const StepComposer composer_;
     const Vec3<float> background_;
     std::vector<std::size_t> views_;
-    std::vector<ViewImage> images_;
+    std::vector<std::shared_ptr<const ViewImage>> images_;
     std::int64_t iteration_ = 0;
 };
 

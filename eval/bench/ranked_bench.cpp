@@ -37,11 +37,11 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
         scene = generated_scene(*renders, options.background.color);
     }
     result.width = scene.train[0].camera.width, result.height = scene.train[0].camera.height;
-    std::vector<ViewImage> images;
+    std::vector<std::shared_ptr<const ViewImage>> images;
     std::vector<Image> targets;
     for (const View& view : scene.train) {
-        images.push_back(view.load());
-        targets.push_back(images.back().color);
+        images.push_back(std::make_shared<const ViewImage>(view.load()));
+        targets.push_back(images.back()->color);
     }
     const auto backend = make_sharded_backend(team, options.device, appearance, backend_options(options),
                                               result.views_per_step, targets);
@@ -55,7 +55,7 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
         for (int k = 0; k < result.views_per_step; ++k, ++iteration) {
             const std::size_t view = std::size_t(iteration) % images.size();
             views.push_back(
-                composer.compose({view, backend->needs_pixels(k) ? &images[view] : nullptr, options.background.color},
+                composer.compose({view, backend->needs_pixels(k) ? images[view] : nullptr, options.background.color},
                                  Moment{iteration, double(iteration)}));
         }
         StepComposer::combine(views);

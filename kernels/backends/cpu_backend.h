@@ -3,6 +3,7 @@
 // Gaussian.
 #pragma once
 
+#include <deque>
 #include <utility>
 
 #include "appearance/model_info.h"
@@ -155,14 +156,15 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool) override {
         projection_ = {camera, mode};
     }
-    void end_projection(ProjectedView& out) override {
+    void end_projection(ProjectedView& out, ViewReport* report) override {
         raster_.project(ParameterView<float>::of(state_), projection_.camera, state_.active_degree, projection_.mode,
                         out);
-        out.num_found = std::make_shared<std::uint64_t>(out.splats.size());
+        if (report) *report = {.loss = {}, .num_splats = std::int64_t(out.splats.size())};
     }
-    void end_projection(ProjectedView& out, std::size_t room) override {
+    void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) override {
         ProjectedView all;
-        end_projection(all);
+        end_projection(all, report);
+        report->lacks_splats = all.splats.size() > room;
         const auto fit = [room](const auto& from, auto& to, auto filler) {
             const auto values = from.values().first(std::min(from.size(), room));
             auto* const begin = to.resize(room);
@@ -170,7 +172,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         };
         fit(all.splats, out.splats, WireSplat{});
         fit(all.rows, out.rows, kNowhere);
-        out.num_found = all.num_found, out.part_ends = all.part_ends;
+        out.part_ends = all.part_ends;
     }
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override {
@@ -182,7 +184,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         finish_image(request, out);
     }
     void loss_of_splats(const SplatParts& splats, const StepRequest& r, const SumParts<SplatSums<float>>& sums,
-                        std::vector<float>& isp_gradient) override {
+                        std::vector<float>& isp_gradient, ViewReport* report) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp);
         const LossValues loss = view_loss(r, corrected, &splats);
         if (std::isfinite(loss.loss)) {
@@ -193,9 +195,23 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
             write_sums(splats, sums, [](std::int64_t, SplatSums<float>& out) { out = {}; });
         }
         count_work(r);
-        losses_.push_back({loss.loss, loss.l1, loss.ssim, raster_.num_instances()});
+        report->loss = {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
     }
-    std::vector<ViewLoss> take_losses() override { return std::exchange(losses_, {}); }
+    void judge(const RankArray<ViewReport>& reports) override {
+        const auto all = reports.values();
+        unread_reports_.emplace_back(all.begin(), all.end());
+        if (verdict_ != Verdict::kRepeat) verdict_ = verdict_on(all);
+    }
+    std::vector<ViewReport> read_reports() override {
+        const std::vector<ViewReport> oldest = std::move(unread_reports_.front());
+        unread_reports_.pop_front();
+        return oldest;
+    }
+    void take_back(std::int64_t num_views) override {
+        state_.step -= num_views;
+        unread_reports_.clear();
+        verdict_ = Verdict::kTake;
+    }
     void distill_splats(const SplatParts& splats, const StepRequest& r) override { distill(r, &splats); }
     double squared_error_of_splats(const SplatParts& splats, const StepRequest& r) override {
         return squared_error(r, &splats);
@@ -232,10 +248,13 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
                      const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                      RankArray<float>& shared_gradient) override {
         keep_last_steps(views[0]);
+        state_.step += std::int64_t(views.size());
+        shared_gradient.assign(std::vector<float>(shared_row(kNumSharedOf<Model>), 0.0f));
+        if (verdict_ != Verdict::kTake) return;
         const auto params = ParameterView<float>::of(state_);
         const int num_views = int(views.size()), width = state_[Group::kResidual].width;
         const float mean = 1 / float(num_views);
-        const UpdateArgs args = update_args(views[0], state_.step + num_views, num_gaussians, num_views);
+        const UpdateArgs args = update_args(views[0], state_.step, num_gaussians, num_views);
         update_all(views[0], args, [&](std::int64_t part, const ModelArrays& arrays) {
             std::vector<std::size_t> at(views.size()), end(views.size());  // splats of the part's rows not yet taken
             for (std::size_t v = 0; v < views.size(); ++v)
@@ -264,23 +283,19 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         shared.resize(shared_row(shared.size()));
         shared_gradient.assign(shared);
     }
-    void update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
-                       std::vector<float>& isp_gradient) override {
-        const int num_views = int(views.size());
-        count_step(views);
+    void update_shared_weights(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients) override {
+        if (verdict_ != Verdict::kTake) return;
         std::vector<float> shared(kNumSharedOf<Model>);
         if (const int row = int(shared_row(shared.size())); row > 0)
             for (std::size_t k = 0; k < shared.size(); ++k)
                 shared[k] = sum_of_rows(shared_gradients.data(), int(shared_gradients.size()) / row, row, int(k));
-        common_left_out_ += step_shared(update_args(views[0], state_.step, 1, num_views), shared);
+        common_left_out_ += step_shared(update_args(views[0], state_.step, 1, int(views.size())), shared);
+    }
+    void update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) override {
         if (!learns_correction(views)) return;
         const StageTimer timer(correction_seconds_);
-        if (!step_ppisp(state_.ppisp, isp_gradient, views[0].isp_rate, num_views)) ++common_left_out_;
-    }
-    void count_step(const std::vector<StepRequest>& views) override {
-        keep_last_steps(views[0]);
-        state_.step += std::int64_t(views.size());
-        if (learns_correction(views)) state_.ppisp.step += std::int64_t(views.size());
+        state_.ppisp.step += std::int64_t(views.size());
+        if (taken && !step_ppisp(state_.ppisp, gradient, views[0].isp_rate, int(views.size()))) ++common_left_out_;
     }
     LeftOut take_nonfinite() override {
         return {std::exchange(stats_.num_nonfinite_gradients, 0), std::exchange(common_left_out_, 0)};
@@ -576,7 +591,8 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         CameraParams<float> camera;
         RenderMode mode;
     } projection_{};                    ///< that was begun
-    std::vector<ViewLoss> losses_;      ///< since take_losses()
+    std::deque<std::vector<ViewReport>> unread_reports_;
+    Verdict verdict_ = Verdict::kTake;  ///< on the last step
     std::vector<WireSplat> joined_;     ///< of a view, from all ranks
     std::int64_t common_left_out_ = 0;  ///< steps of shared weights and of PPISP, since take_nonfinite()
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;

@@ -518,7 +518,7 @@ void CudaBackend::launch(Step s, const TargetImage& target) {
     Step& step = in_flight_.back();
     step.slot = next_slot_;
     step.view = target.id;
-    step.request.target = {};
+    step.request.target = {}, step.request.pixels = nullptr;
     try {
         step.target = images_.get(target, step.slot, stream_);
         enqueue(step);
@@ -626,7 +626,7 @@ void CudaBackend::finish_oldest() {
         return;
     }
     adapt_room(std::int64_t(status.num_instances));
-    note_loss(loss_of(status, s.request.lambda_dssim, s.target.weight_sum));
+    note_loss(status, s.request.lambda_dssim, s.target.weight_sum);
     stats_.num_nonfinite_gradients += status.num_nonfinite;
     if (times_.on)
         times_.count(double(model_.count), status.num_visible,
@@ -636,13 +636,9 @@ void CudaBackend::finish_oldest() {
     in_flight_.pop_front();
 }
 
-ViewLoss CudaBackend::loss_of(const StepStatus& status, float lambda_dssim, double weight_sum) const {
-    const double norm = weight_sum > 0 ? 1 / (3 * weight_sum) : 0, l1 = status.l1 * norm, ssim = status.ssim * norm;
-    return {norm > 0 ? (1 - lambda_dssim) * l1 + lambda_dssim * (1 - ssim) : 0, l1, ssim,
-            std::int64_t(status.num_instances), !status.stopped};
-}
-
-void CudaBackend::note_loss(const ViewLoss& loss) {
+void CudaBackend::note_loss(const StepStatus& status, float lambda_dssim, double weight_sum) {
+    const ViewLoss loss =
+        loss_of_sums(status.l1, status.ssim, lambda_dssim, weight_sum, std::int64_t(status.num_instances));
     stats_.l1 = loss.l1, stats_.ssim = loss.ssim, stats_.loss = loss.loss;
     stats_.num_instances = loss.num_instances;
     stats_.consecutive_skips = std::isfinite(loss.loss) ? 0 : stats_.consecutive_skips + 1;

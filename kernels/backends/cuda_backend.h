@@ -70,15 +70,18 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     // cuda_shard.cu
     RankDevice* device() override { return &rank_device_; }
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
-    void end_projection(ProjectedView& out) override;
-    void end_projection(ProjectedView& out, std::size_t room) override;
+    void end_projection(ProjectedView& out, ViewReport* report) override;
+    void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) override;
     std::byte* room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed) override;
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override;
     void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
     void loss_of_splats(const SplatParts& splats, const StepRequest& request, const SumParts<SplatSums<float>>& sums,
-                        std::vector<float>& isp_gradient) override;
-    std::vector<ViewLoss> take_losses() override;
+                        std::vector<float>& isp_gradient, ViewReport* report) override;
+    void judge(const RankArray<ViewReport>& reports) override;
+    std::vector<ViewReport> read_reports() override;
+    void note_view(std::int64_t id, const ViewReport& report) override;
+    void take_back(std::int64_t num_views) override;
     void distill_splats(const SplatParts& splats, const StepRequest& request) override;
     double squared_error_of_splats(const SplatParts& splats, const StepRequest& request) override;
     void scores_of_splats(const SplatParts& splats, const RenderRequest& request,
@@ -90,9 +93,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
                      const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                      RankArray<float>& shared_gradient) override;
-    void update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
-                       std::vector<float>& isp_gradient) override;
-    void count_step(const std::vector<StepRequest>& views) override;
+    void update_shared_weights(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients) override;
+    void update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) override;
     LeftOut take_nonfinite() override;
     void keep_rows(const std::vector<std::uint32_t>& rows) override;
 
@@ -116,11 +118,13 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         LazyArgs lazy{};
         int slot = 0;
     };
-    /// A view whose loss was begun, and what turns its status into that loss.
-    struct ViewBegun {
-        std::int64_t id;
-        float lambda_dssim;
-        double weight_sum;
+    /// What the host has not read yet of a step on several views.
+    struct Judgement {
+        Judgement() { GS_CUDA(cudaEventCreateWithFlags(&made, cudaEventDisableTiming)); }
+        ~Judgement() { cudaEventDestroy(made); }
+        PinnedBuffer reports;
+        std::size_t num_reports = 0;
+        cudaEvent_t made = nullptr;
     };
     /// What the scratch block holds. Projections are those of a rank's own Gaussians, whose instances other ranks sort;
     /// the sums of shared weights' gradients are those of a step on several views.
@@ -179,14 +183,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins);
     /// Writes these sums as they are sent.
     void pack_sums_of_splats(const SumParts<SplatSums<float>>& sums);
-    /// Waits if there is no slot for another view.
-    void make_slot();
-    /// Waits for the views whose losses were begun, and makes room for those that did not fit.
-    void finish_views();
-    /// Returns the loss that a status holds, and its parts.
-    ViewLoss loss_of(const StepStatus& status, float lambda_dssim, double weight_sum) const;
     /// Notes the loss of a step in stats_.
-    void note_loss(const ViewLoss& loss);
+    void note_loss(const StepStatus& status, float lambda_dssim, double weight_sum);
     /// Begins or ends keeping the step that each Gaussian took last. All are up to date where it begins.
     void keep_last_steps(const StepRequest& r);
     /// Returns the arrays of the model that a step uses.
@@ -256,9 +254,9 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         DeviceBuffer<unsigned> left_out;        ///< since take_nonfinite(): Gaussians' gradients, shared weights'
         std::int64_t corrections_left_out = 0;  ///< steps of PPISP, in the same time
         std::int64_t num_gaussians = 0;         ///< of all ranks, in the last step
-        bool is_updating = false;               ///< the device may still be at work on the update
-        std::vector<ViewBegun> views_begun;     ///< by slot
-        std::vector<ViewLoss> losses;           ///< of views that are done, since take_losses()
+        bool is_updating = false;               ///< the device may still be at work on a step
+        DeviceBuffer<Verdict> verdict;          ///< on the last step, or that an earlier one has to be repeated
+        std::deque<std::unique_ptr<Judgement>> unread, read;  ///< in order, and those whose memory is free
     } wire_;
 
     DeviceBuffer<StepControl> control_;

@@ -21,22 +21,38 @@ struct IsVisible {
 constexpr int kSharedBlock = 128;
 
 /// Takes the step of `n` shared weights on the sum of the gradients of all ranks (num_ranks, row), added up in their
-/// order. Adds to *left_out the gradients that are not finite.
+/// order, if *verdict says so. Adds to *left_out the gradients that are not finite.
 __global__ void __launch_bounds__(kSharedBlock)
     step_shared_weights(const float* __restrict__ gradients, int num_ranks, int row, int n, float* __restrict__ param,
                         float* __restrict__ m, float* __restrict__ v, AdamStep<float> step, AdamGains<float> gains,
-                        unsigned* __restrict__ left_out) {
+                        const Verdict* __restrict__ verdict, unsigned* __restrict__ left_out) {
     const int k = blockIdx.x * kSharedBlock + threadIdx.x;
-    if (k >= n) return;
+    if (k >= n || *verdict != Verdict::kTake) return;
     const float gradient = sum_of_rows(gradients, num_ranks, row, k);
     if (!update_shared(param[k], m[k], v[k], gradient, step, gains)) atomicAdd(left_out, 1u);
 }
 
-/// Returns a number in the host's memory that the device can write.
-std::shared_ptr<std::uint64_t> pinned_number() {
-    std::uint64_t* number = nullptr;
-    GS_CUDA(cudaMallocHost(&number, sizeof *number));
-    return {number, [](std::uint64_t* p) { cudaFreeHost(p); }};
+/// Adds its loss to the report on a view.
+__global__ void report_view(const StepControl* __restrict__ control, float lambda_dssim, double weight_sum,
+                            ViewReport* __restrict__ out) {
+    out->loss = loss_of_sums(control->l1, control->ssim, lambda_dssim, weight_sum, std::int64_t(control->num_instances));
+    out->lacks_instances = control->stopped;
+}
+
+constexpr int kJudges = 128;
+
+/// Judges a step by all reports on it, unless an earlier one waits for being repeated, and copies them to the host.
+__global__ void __launch_bounds__(kJudges) judge_step(const ViewReport* __restrict__ reports, int num_reports,
+                                                      Verdict* __restrict__ verdict, ViewReport* __restrict__ on_host) {
+    bool skips = false, repeats = *verdict == Verdict::kRepeat;
+    for (int k = threadIdx.x; k < num_reports; k += kJudges) {
+        const ViewReport report = reports[k];
+        on_host[k] = report;
+        skips |= verdict_on(report) == Verdict::kSkip;
+        repeats |= verdict_on(report) == Verdict::kRepeat;
+    }
+    skips = __syncthreads_or(skips), repeats = __syncthreads_or(repeats);
+    if (threadIdx.x == 0) *verdict = repeats ? Verdict::kRepeat : skips ? Verdict::kSkip : Verdict::kTake;
 }
 
 RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, RenderMode::kFull, r.isp}; }
@@ -47,8 +63,7 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 
 void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) {
     // After update_rows() no residual is behind, and what follows is on its stream.
-    // Views that were begun have statuses, which settle() would take for those of earlier steps.
-    if (wire_.views_begun.empty() && (!wire_.is_updating || !in_flight_.empty())) settle();
+    if (!wire_.is_updating || !in_flight_.empty()) settle();
     const std::int64_t n = model_.count;
     wire_.camera = camera, wire_.for_step = for_step;
     if (n == 0) return;
@@ -67,18 +82,17 @@ void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode
         select_rows(wire_.cub.reserve(std::max<std::size_t>(bytes, 1)), bytes, n, visible, rows, num_rows, stream_));
 }
 
-void CudaBackend::end_projection(ProjectedView& out) {
+void CudaBackend::end_projection(ProjectedView& out, ViewReport* report) {
     const std::size_t num = model_.count > 0 ? std::size_t(read_back(wire_.num_rows.get(), stream_)) : 0;
     wire_.is_updating = false;
-    end_projection(out, num);
+    end_projection(out, num, report);
 }
 
-void CudaBackend::end_projection(ProjectedView& out, std::size_t room) {
-    if (!out.num_found) out.num_found = pinned_number();
-    WireSplats to{out.splats.resize(room), nullptr, nullptr, std::int64_t(room), out.num_found.get()};
+void CudaBackend::end_projection(ProjectedView& out, std::size_t room, ViewReport* report) {
+    WireSplats to{out.splats.resize(room), nullptr, nullptr, std::int64_t(room), report};
     if (model_.count == 0) {
         out.rows.resize(0), out.places.resize(0);
-        *out.num_found = 0;
+        if (report) GS_CUDA(cudaMemsetAsync(report, 0, sizeof *report, stream_));
         return;
     }
     if (wire_.for_step) {
@@ -92,7 +106,6 @@ void CudaBackend::end_projection(ProjectedView& out, std::size_t room) {
 }
 
 std::byte* CudaBackend::room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed) {
-    make_slot();  // which may change the room that a view has
     wire_.placed = std::int64_t(placed);
     wire_.placed_at = bytes_of({.layout = Layout::kProjection, .n = model_.count});
     if (kernels_.shared.count > 0)
@@ -139,43 +152,61 @@ void CudaBackend::render_splats(const SplatParts& splats, const RenderRequest& r
 }
 
 void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r, const SumParts<SplatSums<float>>& sums,
-                                 std::vector<float>& isp_gradient) {
-    make_slot();
-    const int slot = int(wire_.views_begun.size());
+                                 std::vector<float>& isp_gradient, ViewReport* report) {
+    const int slot = std::exchange(next_slot_, (next_slot_ + 1) % kInFlight);
+    GS_CUDA(cudaEventSynchronize(done_[slot]));
     const DeviceTarget target = images_.get(r.target, slot, stream_);
     const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
     wire_.placed = 0, wire_.placed_at = 0;
     enqueue_loss(r, target);
+    GS_CUDA(cudaEventRecord(done_[slot], stream_));
     enqueue_sums_of_splats(r, splats, bins);
-    report_to(slot);
-    wire_.views_begun.push_back({r.target.id, r.lambda_dssim, target.weight_sum});
+    report_view<<<1, 1, 0, stream_>>>(control_.get(), r.lambda_dssim, target.weight_sum, report);
+    GS_CUDA_LAUNCHED("report_view");
     for (std::size_t part = 0; part < splats.size(); ++part) sums[part]->resize(splats[part]->size());
     pack_sums_of_splats(sums);
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
 }
 
-void CudaBackend::make_slot() {
-    if (wire_.views_begun.size() >= kInFlight) finish_views();
+void CudaBackend::judge(const RankArray<ViewReport>& reports) {
+    if (!wire_.verdict.get()) GS_CUDA(cudaMemsetAsync(wire_.verdict.reserve(1), 0, sizeof(Verdict), stream_));
+    if (wire_.read.empty()) wire_.read.push_back(std::make_unique<Judgement>());
+    Judgement& judgement = *wire_.unread.emplace_back(std::move(wire_.read.front()));
+    wire_.read.pop_front();
+    judgement.num_reports = reports.size();
+    auto* const on_host = judgement.reports.reserve(reports.size() * sizeof(ViewReport));
+    judge_step<<<1, kJudges, 0, stream_>>>(reports.data(), int(reports.size()), wire_.verdict.get(),
+                                           reinterpret_cast<ViewReport*>(on_host));
+    GS_CUDA_LAUNCHED("judge_step");
+    GS_CUDA(cudaEventRecord(judgement.made, stream_));
+    wire_.is_updating = true;
 }
 
-void CudaBackend::finish_views() {
+std::vector<ViewReport> CudaBackend::read_reports() {
+    Judgement& oldest = *wire_.unread.front();
+    GS_CUDA(cudaEventSynchronize(oldest.made));
+    const auto* const first = reinterpret_cast<const ViewReport*>(oldest.reports.get());
+    std::vector<ViewReport> reports(first, first + oldest.num_reports);
+    wire_.read.push_back(std::move(wire_.unread.front()));
+    wire_.unread.pop_front();
+    return reports;
+}
+
+void CudaBackend::note_view(std::int64_t id, const ViewReport& report) {
+    forecast_.note(id, report.loss.num_instances);
+    if (report.lacks_instances)
+        make_room(static_cast<unsigned long long>(report.loss.num_instances));
+    else
+        adapt_room(report.loss.num_instances);
+}
+
+void CudaBackend::take_back(std::int64_t num_views) {
     GS_CUDA(cudaStreamSynchronize(stream_));
     wire_.is_updating = false;
-    for (std::size_t slot = 0; slot < wire_.views_begun.size(); ++slot) {
-        const ViewBegun& view = wire_.views_begun[slot];
-        const StepStatus& status = statuses_[slot];
-        forecast_.note(view.id, std::int64_t(status.num_instances));
-        if (!status.stopped) adapt_room(std::int64_t(status.num_instances));
-        wire_.losses.push_back(loss_of(status, view.lambda_dssim, view.weight_sum));
-    }
-    for (std::size_t slot = 0; slot < wire_.views_begun.size(); ++slot)  // last, so that this room stays
-        if (statuses_[slot].stopped) make_room(statuses_[slot].num_instances);
-    wire_.views_begun.clear();
-}
-
-std::vector<ViewLoss> CudaBackend::take_losses() {
-    finish_views();
-    return std::exchange(wire_.losses, {});
+    while (!wire_.unread.empty()) read_reports();
+    GS_CUDA(cudaMemsetAsync(wire_.verdict.get(), 0, sizeof(Verdict), stream_));
+    meta_.step -= num_views;
+    lazy_.reset(meta_.step);
 }
 
 void CudaBackend::enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins) {
@@ -203,7 +234,7 @@ void CudaBackend::distill_splats(const SplatParts& splats, const StepRequest& r)
     if (r.isp_rate > 0)
         ppisp_.step_controller(image_, r.isp_rate, ppisp_.begin_controller_step(), control_.get(), stream_);
     const StepStatus status = read_status();
-    note_loss(loss_of(status, r.lambda_dssim, target.weight_sum));
+    note_loss(status, r.lambda_dssim, target.weight_sum);
     stats_.num_nonfinite_gradients += status.num_nonfinite;
 }
 
@@ -262,8 +293,10 @@ ResidualScores CudaBackend::residual_scores_of_rows(const std::vector<ResidualSu
 void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
                               const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                               RankArray<float>& shared_gradient) {
-    synchronize();
     wire_.num_gaussians = num_gaussians;
+    keep_last_steps(views[0]);
+    meta_.step += std::int64_t(views.size());
+    lazy_.reset(meta_.step);  // no residual is ever behind
     const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
     const int num_shared = kernels_.shared.count, num_views = int(views.size());
     if (num_shared > 0) {
@@ -282,13 +315,10 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     rank_device_.copy(on_device, step_views.data(), step_views.size() * sizeof(StepView));
     PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
     args.shared = {model_.shared_prepared.get(), shared_sums_};
-    const std::int64_t t = meta_.step + num_views;
-    keep_last_steps(views[0]);
     kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0]),
-                           update_args(views[0], t, num_gaussians, num_views), std::uint32_t(t), wire_.left_out.get(),
-                           stream_);
+                           update_args(views[0], meta_.step, num_gaussians, num_views), std::uint32_t(meta_.step),
+                           wire_.verdict.get(), wire_.left_out.get(), stream_);
     half_residuals_current_ = false;
-    wire_.is_updating = true;
     // Without a residual that is shown the weights have no gradient.
     if (num_shared > 0 && num_residuals > 0)
         sum_rows(shared_sums_, num_blocks(n, kernels_.shared.gaussians_per_sum), num_shared, shared_gradient.data(),
@@ -304,34 +334,27 @@ bool learns_correction(const CudaPpisp& ppisp, const std::vector<StepRequest>& v
 
 }  // namespace
 
-void CudaBackend::update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
-                                std::vector<float>& isp_gradient) {
-    const int num_views = int(views.size());
-    count_step(views);
-    if (const int n = kernels_.shared.count; n > 0) {
-        const UpdateArgs args = update_args(views[0], meta_.step, 1, num_views);
-        const int row = int(shared_row(std::size_t(n))), num_ranks = int(shared_gradients.size()) / row;
-        step_shared_weights<<<num_blocks(n, kSharedBlock), kSharedBlock, 0, stream_>>>(
-            shared_gradients.data(), num_ranks, row, n, model_.shared_param.get(), model_.shared_m.get(),
-            model_.shared_v.get(), args.shared_step, args.shared_gains, wire_.left_out.get() + 1);
-        GS_CUDA_LAUNCHED("step_shared_weights");
-        kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
-        wire_.is_updating = true;
-    }
-    if (!learns_correction(ppisp_, views)) return;
-    synchronize();
-    PpispState state = ppisp_.download(true);  // it is small: the host takes its step
-    if (!step_ppisp(state, isp_gradient, views[0].isp_rate, num_views)) ++wire_.corrections_left_out;
-    ppisp_.upload(state);
-    GS_CUDA(cudaDeviceSynchronize());  // the copies are not on the stream that reads them
+void CudaBackend::update_shared_weights(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients) {
+    const int n = kernels_.shared.count;
+    if (n == 0) return;
+    const UpdateArgs args = update_args(views[0], meta_.step, 1, int(views.size()));
+    const int row = int(shared_row(std::size_t(n))), num_ranks = int(shared_gradients.size()) / row;
+    step_shared_weights<<<num_blocks(n, kSharedBlock), kSharedBlock, 0, stream_>>>(
+        shared_gradients.data(), num_ranks, row, n, model_.shared_param.get(), model_.shared_m.get(),
+        model_.shared_v.get(), args.shared_step, args.shared_gains, wire_.verdict.get(), wire_.left_out.get() + 1);
+    GS_CUDA_LAUNCHED("step_shared_weights");
+    kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
 }
 
-void CudaBackend::count_step(const std::vector<StepRequest>& views) {
-    keep_last_steps(views[0]);
-    meta_.step += std::int64_t(views.size());
-    if (learns_correction(ppisp_, views))
-        for (std::size_t v = 0; v < views.size(); ++v) ppisp_.begin_step();
-    lazy_.reset(meta_.step);  // no residual is ever behind
+void CudaBackend::update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) {
+    if (!learns_correction(ppisp_, views)) return;
+    for (std::size_t v = 0; v < views.size(); ++v) ppisp_.begin_step();
+    if (!taken) return;
+    synchronize();
+    PpispState state = ppisp_.download(true);  // it is small: the host takes its step
+    if (!step_ppisp(state, gradient, views[0].isp_rate, int(views.size()))) ++wire_.corrections_left_out;
+    ppisp_.upload(state);
+    GS_CUDA(cudaDeviceSynchronize());  // the copies are not on the stream that reads them
 }
 
 LeftOut CudaBackend::take_nonfinite() {

@@ -25,6 +25,7 @@ class PinnedBuffer {
     PinnedBuffer& operator=(const PinnedBuffer&) = delete;
     ~PinnedBuffer() { cudaFreeHost(data_); }
     unsigned char* reserve(std::size_t bytes);
+    const unsigned char* get() const { return data_; }
 
   private:
     unsigned char* data_ = nullptr;

@@ -9,6 +9,7 @@
 #include "kernels/optimizer/lazy_args_cuda.cuh"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/preprocess/gaussian_device.h"
+#include "kernels/ranks/view_report.h"
 #include "kernels/sort/binning_cuda.h"
 #include "kernels/splat/wire_splat.h"
 
@@ -59,11 +60,12 @@ struct ModelKernels {
     /// was stopped or its loss is not finite.
     void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&,
                    const UpdateArgs&, StepControl*, cudaStream_t);
-    /// Takes step `step` on the mean gradient of several views, and adds each view to the statistic of ADC. Writes the
-    /// sums of the shared weights' gradients of all views together. Adds the Gaussians with a gradient that is left out
-    /// to *num_nonfinite.
+    /// Takes step `step` on the mean gradient of several views if *verdict says so, and adds each view to the statistic
+    /// of ADC. Writes the sums of the shared weights' gradients of all views together. Adds the Gaussians with a gradient
+    /// that is left out to *num_nonfinite.
     void (*step_on_views)(const PreprocessArgs&, const StepView* views, int num_views, const ModelArrays&,
-                          const UpdateArgs&, std::uint32_t step, unsigned* num_nonfinite, cudaStream_t);
+                          const UpdateArgs&, std::uint32_t step, const Verdict* verdict, unsigned* num_nonfinite,
+                          cudaStream_t);
     struct Shared {
         int count = 0;  ///< number of weights that all Gaussians share
         /// The size of the weights in the form that kernels read, in 4-byte words, which start as 0.

@@ -28,7 +28,10 @@ class CudaRankDevice final : public RankDevice {
     void wait() override { GS_CUDA(cudaStreamSynchronize(stream_)); }
     void mark() override {
         if (!transfers_) {
-            GS_CUDA(cudaStreamCreateWithFlags(&transfers_, cudaStreamNonBlocking));
+            int least = 0, greatest = 0;
+            GS_CUDA(cudaDeviceGetStreamPriorityRange(&least, &greatest));
+            // Other ranks wait for the splats, and nobody yet for what is computed meanwhile.
+            GS_CUDA(cudaStreamCreateWithPriority(&transfers_, cudaStreamNonBlocking, greatest));
             GS_CUDA(cudaEventCreateWithFlags(&marked_, cudaEventDisableTiming));
             GS_CUDA(cudaEventCreateWithFlags(&transferred_, cudaEventDisableTiming));
         }

@@ -36,7 +36,7 @@ __global__ void __launch_bounds__(kWireBlock)
     pack(const std::uint32_t* __restrict__ rows, const std::int64_t* __restrict__ num, ParameterView<float> params,
          CameraParams<float> camera, const PackedSplat* __restrict__ splats, WireSplats out) {
     const std::int64_t k = wire_index();
-    if (k == 0) *out.num_found = std::uint64_t(*num);
+    if (k == 0 && out.report) *out.report = {{}, *num, *num > out.room, 0};
     WireSplat wire{};
     if (k < *num && k < out.room) {
         const std::uint32_t row = rows[k];

@@ -7,6 +7,7 @@
 
 #include "kernels/blend/blend_cuda.h"
 #include "kernels/ranks/splat_order_device.h"
+#include "kernels/ranks/view_report.h"
 #include "kernels/sort/binning_cuda.h"
 #include "kernels/splat/gaussian_rows_device.h"
 #include "kernels/splat/wire_splat.h"
@@ -19,7 +20,7 @@ struct WireSplats {
     std::uint32_t* rows;    ///< (room) rows of the splats, or null
     std::uint32_t* places;  ///< (n) splats of the rows, kNowhere before; or null
     std::int64_t room;
-    std::uint64_t* num_found;  ///< in the host's memory
+    ViewReport* report;  ///< null: nobody asks
 };
 
 /// Packs the splats of `*num` Gaussians, whose rows these are, as Shard::end_projection says. Pointers are on the

@@ -25,15 +25,21 @@ void Communicator::begin(const std::vector<ConstBytes>& out, const std::vector<B
     if (device)
         transfer_on_device(out, in, *device);
     else
-        transfer(out, in);
-    for (std::size_t r = 0; r < out.size(); ++r) {
-        if (int(r) == rank_) continue;
-        traffic_.sent += double(out[r].size()), traffic_.received += double(in[r].size());
-        traffic_.messages += int(!out[r].empty()) + int(!in[r].empty());
+        transfer_on_host(out, in);
+    for (std::size_t k = 0; k < out.size(); ++k) {
+        if (k % std::size_t(size_) == std::size_t(rank_)) continue;
+        traffic_.sent += double(out[k].size()), traffic_.received += double(in[k].size());
+        traffic_.messages += int(!out[k].empty()) + int(!in[k].empty());
     }
     ++traffic_.exchanges;
     traffic_.device_exchanges += device ? 1 : 0;
     traffic_.seconds += seconds_now() - start;
+}
+
+void Communicator::transfer_on_host(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) {
+    const std::ptrdiff_t size = size_;
+    for (std::ptrdiff_t k = 0; k < std::ptrdiff_t(out.size()); k += size)
+        transfer({out.begin() + k, out.begin() + k + size}, {in.begin() + k, in.begin() + k + size});
 }
 
 void Communicator::abort() {
@@ -43,23 +49,24 @@ void Communicator::abort() {
 
 void Communicator::transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
                                       RankDevice& device) {
-    const auto self = std::size_t(rank_);
-    if (!out[self].empty() && !in[self].empty()) device.copy(in[self].data(), out[self].data(), in[self].size());
+    const auto is_own = [this](std::size_t k) { return k % std::size_t(size_) == std::size_t(rank_); };
+    for (std::size_t k = 0; k < out.size(); ++k)
+        if (is_own(k) && !out[k].empty() && !in[k].empty()) device.copy(in[k].data(), out[k].data(), in[k].size());
     if (link_) return link_->begin(out, in, device);
     if (size_ == 1) return;
     sent_.resize(out.size()), received_.resize(in.size());
     std::vector<ConstBytes> host_out(out.size());
     std::vector<Bytes> host_in(in.size());
-    for (std::size_t r = 0; r < out.size(); ++r) {
-        if (r == self) continue;
-        sent_[r].resize(out[r].size()), received_[r].resize(in[r].size());
-        host_out[r] = sent_[r], host_in[r] = received_[r];
-        if (!out[r].empty()) device.copy(sent_[r].data(), out[r].data(), out[r].size());
+    for (std::size_t k = 0; k < out.size(); ++k) {
+        if (is_own(k)) continue;
+        sent_[k].resize(out[k].size()), received_[k].resize(in[k].size());
+        host_out[k] = sent_[k], host_in[k] = received_[k];
+        if (!out[k].empty()) device.copy(sent_[k].data(), out[k].data(), out[k].size());
     }
     device.wait();
-    transfer(host_out, host_in);
-    for (std::size_t r = 0; r < in.size(); ++r)
-        if (r != self && !in[r].empty()) device.copy(in[r].data(), received_[r].data(), in[r].size());
+    transfer_on_host(host_out, host_in);
+    for (std::size_t k = 0; k < in.size(); ++k)
+        if (!is_own(k) && !in[k].empty()) device.copy(in[k].data(), received_[k].data(), in[k].size());
     device.wait();  // the next arrays take the place of these
 }
 

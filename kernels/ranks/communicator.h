@@ -50,8 +50,8 @@ class DeviceLink {
     virtual ~DeviceLink() = default;
     /// Names it: "NCCL 2.28.3".
     virtual std::string name() const = 0;
-    /// Begins to send out[r] to every other rank r and to receive in[r] from it, all of them on `device`, after what it
-    /// marked last and after earlier transfers. NCCL is fast where arrays begin at multiples of 16 bytes. Throws
+    /// Begins to send out[k] to every other rank k modulo their number and to receive in[k] from it, all of them on
+    /// `device`, after what it marked last and after earlier transfers. NCCL is fast where arrays begin at multiples of 16 bytes. Throws
     /// DeviceError when the connection has failed or was ended.
     virtual void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) = 0;
     /// Waits until all transfers are on the device's stream for them, which does not take other ranks once all are
@@ -67,9 +67,10 @@ class Communicator {
     int rank() const { return rank_; }
     int size() const { return size_; }
 
-    /// Sends out[r] to rank r and receives in[r] from it, for all r at once, its own included. What one rank sends and
-    /// what the other expects must have the same size; nothing is sent where that is 0. The arrays lie in the memory of
-    /// `device`, or in the host's where that is null; they may lie elsewhere on another rank, unless there is a link.
+    /// Sends out[r] to rank r and receives in[r] from it, for all r at once, its own included, and where there are more
+    /// arrays out[size() + r] and in[size() + r] after these, and so on. What one rank sends and what the other expects
+    /// must have the same size; nothing is sent where that is 0. The arrays lie in the memory of `device`, or in the
+    /// host's where that is null; they may lie elsewhere on another rank, unless there is a link.
     void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device = nullptr);
     /// Begins what exchange() does. By a link the arrays are sent when the device has done what it marked last, and
     /// received while it goes on; without one all is done when the function returns.
@@ -104,7 +105,9 @@ class Communicator {
     virtual void finish_on_device() { link_->finish(); }
 
   private:
-    /// Does what exchange() says, with arrays in the host's memory.
+    /// Does what begin() says, with arrays in the host's memory.
+    void transfer_on_host(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in);
+    /// Does what exchange() says with an array for each rank, in the host's memory.
     virtual void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) = 0;
     /// Makes transfer() throw if it waits.
     virtual void break_off() {}
@@ -114,7 +117,7 @@ class Communicator {
     std::unique_ptr<DeviceLink> link_;
     std::stop_source stop_;
     std::vector<std::vector<std::byte>> sent_,
-        received_;  ///< by rank: arrays of a device on their way through the host
+        received_;  ///< arrays of a device on their way through the host
 };
 
 /// The only rank of a training on one device.

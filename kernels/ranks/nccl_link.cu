@@ -79,15 +79,15 @@ class NcclLink final : public DeviceLink {
                 what = name;
                 result = function();
             };
-            for (std::size_t r = 0; r < out.size(); ++r) {
-                if (int(r) == rank_) continue;
-                const ConstBytes from = out[r];
-                const Bytes to = in[r];
+            for (std::size_t k = 0; k < out.size(); ++k) {
+                const int r = int(k) % size_;
+                if (r == rank_) continue;
+                const ConstBytes from = out[k];
+                const Bytes to = in[k];
                 if (!from.empty())
-                    call("ncclSend",
-                         [&] { return nccl_.send(from.data(), from.size(), ncclInt8, int(r), comm_, stream); });
+                    call("ncclSend", [&] { return nccl_.send(from.data(), from.size(), ncclInt8, r, comm_, stream); });
                 if (!to.empty())
-                    call("ncclRecv", [&] { return nccl_.recv(to.data(), to.size(), ncclInt8, int(r), comm_, stream); });
+                    call("ncclRecv", [&] { return nccl_.recv(to.data(), to.size(), ncclInt8, r, comm_, stream); });
             }
             const ncclResult_t end = nccl_.group_end();  // ends the group after an error, too
             call("ncclGroupEnd", [&] { return end; });

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 
 #include "kernels/core/error.h"
@@ -20,12 +21,33 @@ Shard& shard_of(Backend& backend) {
     throw UsageError("a training over several ranks is not possible on this device: " + backend.describe());
 }
 
+/// Lets the request keep its pixels where they are lent for a call.
+void keep_pixels(StepRequest& request) {
+    TargetImage& target = request.target;
+    if (request.pixels || (!target.u8 && !target.f32)) return;
+    const std::size_t pixels = std::size_t(target.width) * std::size_t(target.height),
+                      color_bytes = pixels * std::size_t(target.channels) * (target.u8 ? 1 : sizeof(float)),
+                      mask_bytes = target.mask ? pixels : 0;
+    const auto kept = std::make_shared<std::vector<std::uint8_t>>(color_bytes + mask_bytes);
+    std::memcpy(kept->data(), target.u8 ? static_cast<const void*>(target.u8) : target.f32, color_bytes);
+    if (target.mask) std::memcpy(kept->data() + color_bytes, target.mask, mask_bytes);
+    if (target.u8)
+        target.u8 = kept->data();
+    else
+        target.f32 = reinterpret_cast<const float*>(kept->data());
+    if (target.mask) target.mask = kept->data() + color_bytes;
+    request.pixels = kept;
+}
+
 /// Nothing, for views whose splats have no sums.
 struct NoSum {};
 
-std::vector<ShownView> shown(const std::vector<StepRequest>& steps, bool for_step) {
+/// `reports` are those on the views of a step, null for other views.
+std::vector<ShownView> shown(const std::vector<StepRequest>& steps, ViewReport* reports) {
     std::vector<ShownView> views;
-    for (const StepRequest& step : steps) views.push_back({step.camera, RenderMode::kFull, for_step, step.target.id});
+    for (const StepRequest& step : steps)
+        views.push_back({step.camera, RenderMode::kFull, reports != nullptr, step.target.id,
+                         reports ? reports + views.size() : nullptr});
     return views;
 }
 
@@ -38,6 +60,8 @@ RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targe
       targets_(std::move(targets)),
       makes_rooms_(shard_.device() && (ranks_.size() == 1 || ranks_.link())),
       ordered_(shard_.device()),
+      reports_(shard_.device()),
+      reports_of_all_ranks_(shard_.device()),
       shared_(shard_.device()),
       shared_of_all_ranks_(shard_.device()) {
     for (int r = 0; r < ranks_.size(); ++r) received_.emplace_back(shard_.device());
@@ -58,10 +82,8 @@ std::size_t RankWorker::rank_after(std::size_t offset) const {
     return (std::size_t(ranks_.rank()) + offset) % std::size_t(ranks_.size());
 }
 
-StepRequest RankWorker::with_target(const StepRequest& request) const {
-    StepRequest out = request;
-    if (!out.target.u8 && !out.target.f32) out.target = targets_(request);
-    return out;
+void RankWorker::bring_target(StepRequest& request) const {
+    if (!request.target.u8 && !request.target.f32) targets_(request);
 }
 
 template <class Fn> auto RankWorker::on_received(Fn&& fn) {
@@ -84,7 +106,7 @@ void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<S
         else
             place_sums(first, views.size(), sums);
         if (mine < views.size()) on_received([&] { view(mine); });
-        if constexpr (!std::is_same_v<Sum, NoSum>) scatter_sums(first, views.size(), sums);
+        if constexpr (!std::is_same_v<Sum, NoSum>) scatter_sums(first, views, sums);
     }
 }
 
@@ -121,9 +143,9 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
     const bool foreseen = makes_rooms_ && views[first].for_step;
     const auto end_projection = [&](std::size_t view) {
         if (foreseen)
-            shard_.end_projection(projected_[view], room(views[view].id, rank_after(0)));
+            shard_.end_projection(projected_[view], room(views[view].id, rank_after(0)), views[view].report);
         else
-            shard_.end_projection(projected_[view]);
+            shard_.end_projection(projected_[view], views[view].report);
     };
     const std::size_t mine = first + rank_after(0);
     const bool renders = mine < views.size();
@@ -172,8 +194,9 @@ template <class Sum> void RankWorker::place_sums(std::size_t first, std::size_t 
         sums.parts[rank_after(0)] = &sums.of_view[mine];
 }
 
-template <class Sum> void RankWorker::scatter_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums) {
-    const std::size_t num_ranks = received_.size();
+template <class Sum>
+void RankWorker::scatter_sums(std::size_t first, const std::vector<ShownView>& views, SumsOfViews<Sum>& sums) {
+    const std::size_t num_ranks = received_.size(), num_views = views.size();
     std::vector<ConstBytes> out(num_ranks);
     std::vector<Bytes> in(num_ranks);
     for (std::size_t offset = 1; offset < num_ranks; ++offset) {
@@ -183,6 +206,11 @@ template <class Sum> void RankWorker::scatter_sums(std::size_t first, std::size_
         sums.of_view[first + r].resize(projected_[first + r].splats.size());
         in[r] = sums.of_view[first + r].bytes();
     }
+    if (views[first].report && first + num_ranks >= num_views)
+        for (std::size_t r = 0; r < num_ranks; ++r) {
+            out.push_back(std::as_const(reports_).bytes());
+            in.push_back(reports_of_all_ranks_.bytes(r * num_views, (r + 1) * num_views));
+        }
     if (sums.device) sums.device->mark();
     ranks_.begin(out, in, sums.device);
 }
@@ -273,78 +301,110 @@ void RankWorker::render(const std::vector<RenderRequest>& views, std::vector<Ren
     }
 }
 
-void RankWorker::begin_losses(const std::vector<StepRequest>& views) {
-    isp_gradient_.assign(isp_size_, 0.0f);
-    render_views(shown(views, true), sums_, [&](std::size_t k) {
-        shard_.loss_of_splats(splats_, with_target(views[k]), sums_.parts, isp_gradient_);
-    });
+void RankWorker::step(std::vector<StepRequest> views) {
+    for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
+    for (std::size_t k = rank_after(0); k < views.size(); k += received_.size()) keep_pixels(views[k]);
+    const std::size_t most_unread = makes_rooms_ && !corrects(views) ? 1 : 0;
+    while (unread_.size() > most_unread) read_judgement();  // the host takes the step of PPISP
+    begin_step(std::move(views));
+    while (unread_.size() > most_unread) read_judgement();
 }
 
-bool RankWorker::gather_losses(const std::vector<StepRequest>& views, std::vector<ViewLoss>& losses) {
-    const std::size_t num_ranks = received_.size();
-    std::vector<ViewReport> own(views.size());
-    auto next = rank_after(0);
-    for (const ViewLoss& loss : on_received([&] { return shard_.take_losses(); })) {
-        own[next].loss = loss;
-        next += num_ranks;
-    }
+void RankWorker::begin_step(std::vector<StepRequest> step_views) {
+    complete_step();
+    std::vector<StepRequest>& views = unread_.emplace_back(std::move(step_views));
+    isp_gradient_.assign(isp_size_, 0.0f);
+    reports_.resize(views.size());
+    reports_of_all_ranks_.resize(received_.size() * views.size());
+    render_views(shown(views, reports_.data()), sums_, [&](std::size_t k) {
+        bring_target(views[k]);
+        shard_.loss_of_splats(splats_, views[k], sums_.parts, isp_gradient_, reports_.data() + k);
+    });
     ranks_.finish(shard_.device());
-    for (std::size_t k = 0; k < views.size(); ++k) own[k].num_splats = *projected_[k].num_found;
-    const auto all = all_gather(ranks_, own);
-    bool fit = true;
+    shard_.judge(reports_of_all_ranks_);
+    shard_.update_rows(views, projected_, sums_.of_view, num_gaussians_, shared_);
+    begin_shared();
+    is_incomplete_ = true;
+    // Over a link the transfer comes to the device while the next command is on its way.
+    if (shared_.size() == 0 || !ranks_.link()) complete_step();
+}
+
+void RankWorker::complete_step() {
+    if (!std::exchange(is_incomplete_, false)) return;
+    if (shared_.size() > 0) ranks_.finish(shard_.device());
+    shard_.update_shared_weights(unread_.back(), shared_of_all_ranks_);
+}
+
+void RankWorker::read_judgement() {
+    const std::vector<ViewReport> reports = on_received([&] { return shard_.read_reports(); });
+    // A device goes on when another rank is lost, with whatever is in its arrays.
+    if (ranks_.stop_token().stop_requested()) all_gather(ranks_, 0);  // it throws
+    const std::vector<StepRequest>& views = unread_.front();
+    const std::size_t num_ranks = received_.size(), num_views = views.size();
+    note_reports(views, reports);
+    const Verdict verdict = verdict_on(reports);
+    if (verdict == Verdict::kRepeat) {
+        complete_step();
+        std::int64_t taken_back = 0;
+        for (const auto& step : unread_) taken_back += std::int64_t(step.size());
+        shard_.take_back(taken_back);
+        for (auto& step : std::exchange(unread_, {})) {
+            while (!unread_.empty()) read_judgement();
+            begin_step(std::move(step));
+        }
+        return;
+    }
+    const bool taken = verdict == Verdict::kTake;
+    const double mean = 1 / double(num_views);
+    stats_.loss = stats_.l1 = stats_.ssim = 0, stats_.num_instances = 0;
+    for (std::size_t k = 0; k < num_views; ++k) {
+        const ViewLoss& one = reports[k % num_ranks * num_views + k].loss;
+        stats_.loss += mean * one.loss, stats_.l1 += mean * one.l1, stats_.ssim += mean * one.ssim;
+        stats_.num_instances += one.num_instances;
+    }
+    ++stats_.steps;
+    stats_.consecutive_skips = taken ? 0 : stats_.consecutive_skips + 1;
+    if (corrects(views)) {
+        complete_step();
+        if (taken) {
+            for (float& gradient : isp_gradient_) gradient *= float(mean);
+            sum_over_ranks(ranks_, isp_gradient_);
+        }
+        shard_.update_ppisp(views, isp_gradient_, taken);
+    }
+    unread_.pop_front();
+}
+
+void RankWorker::note_reports(const std::vector<StepRequest>& views, const std::vector<ViewReport>& reports) {
+    const std::size_t num_ranks = received_.size(), own = rank_after(0);
+    for (const bool lacks : {false, true})  // what is made room for last stays
+        for (std::size_t k = own; k < views.size(); k += num_ranks)
+            if (const ViewReport& report = reports[own * views.size() + k]; (report.lacks_instances != 0) == lacks)
+                shard_.note_view(views[k].target.id, report);
     std::vector<std::uint64_t> shares(views.size());
-    for (std::size_t k = 0; k < views.size(); ++k) {
-        losses[k] = all[k % num_ranks][k].loss;
-        fit = fit && losses[k].fits;
-        std::uint64_t share = 0;
-        for (std::size_t r = 0; r < num_ranks && makes_rooms_; ++r) {
-            const std::uint64_t num = all[r][k].num_splats;
-            fit = fit && num <= room(views[k].target.id, r);
+    for (std::size_t k = 0; k < views.size() && makes_rooms_; ++k) {
+        std::uint64_t& share = shares[k];
+        for (std::size_t r = 0; r < num_ranks; ++r) {
+            const auto num = std::uint64_t(reports[r * views.size() + k].num_splats);
             share = std::max(share, SplatRooms::share(num, rows_[r].count));
         }
         for (std::size_t j = 0; j < k; ++j)  // a view that is there twice
             if (views[j].target.id == views[k].target.id) share = std::max(share, shares[j]);
-        shares[k] = share;
+        rooms_.note(views[k].target.id, share);
     }
-    // All have been compared with the room that they had.
-    for (std::size_t k = 0; k < views.size() && makes_rooms_; ++k) rooms_.note(views[k].target.id, shares[k]);
-    return fit;
 }
 
-StepStats RankWorker::step(std::vector<StepRequest> views) {
-    for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
-    std::vector<ViewLoss> losses(views.size());
-    do {
-        begin_losses(views);
-    } while (!gather_losses(views, losses));
-    StepStats stats;
-    stats.steps = 1;
-    const double mean = 1 / double(views.size());
-    for (std::size_t k = 0; k < views.size(); ++k) {
-        const ViewLoss& one = losses[k];
-        stats.loss += mean * one.loss, stats.l1 += mean * one.l1, stats.ssim += mean * one.ssim;
-        stats.num_instances += one.num_instances;
+void RankWorker::finish_steps() {
+    complete_step();
+    while (!unread_.empty()) {
+        read_judgement();
+        complete_step();
     }
-    stats.consecutive_skips = std::isfinite(stats.loss) ? 0 : 1;
-    if (stats.consecutive_skips) {
-        shard_.count_step(views);
-    } else {
-        shard_.update_rows(views, projected_, sums_.of_view, num_gaussians_, shared_);
-        for (float& gradient : isp_gradient_) gradient *= float(mean);
-        sum_over_ranks(ranks_, isp_gradient_);
-        begin_shared();
-        incomplete_ = std::move(views);
-        // Over a link the transfer comes to the device while the next command is on its way.
-        if (shared_.size() == 0 || !ranks_.link()) complete_step();
-    }
-    return stats;
 }
 
-void RankWorker::complete_step() {
-    if (incomplete_.empty()) return;
-    if (shared_.size() > 0) ranks_.finish(shard_.device());
-    shard_.update_common(incomplete_, shared_of_all_ranks_, isp_gradient_);
-    incomplete_.clear();
+bool RankWorker::corrects(const std::vector<StepRequest>& views) const {
+    return isp_size_ > 0 &&
+           std::any_of(views.begin(), views.end(), [](const StepRequest& r) { return r.isp_rate > 0; });
 }
 
 void RankWorker::begin_shared() {
@@ -412,8 +472,10 @@ ResidualScores RankWorker::residual_scores(std::size_t num_views,
     const std::vector<Vec3<float>> bases = shard_.colors_without_residual();
     for (std::size_t first = 0; first < num_views; first += std::size_t(ranks_.size())) {
         std::vector<StepRequest> some = batch_on(first);
-        render_views(shown(some, false), sums,
-                     [&](std::size_t k) { shard_.residuals_of_splats(splats_, with_target(some[k]), sums.parts); });
+        render_views(shown(some, nullptr), sums, [&](std::size_t k) {
+            bring_target(some[k]);
+            shard_.residuals_of_splats(splats_, some[k], sums.parts);
+        });
         for (std::size_t k = 0; k < some.size(); ++k)
             add_view_to(totals, projected_[k], sums.of_view[k].values(), bases);
     }

@@ -3,6 +3,7 @@
 // otherwise, and in the same order.
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <utility>
 
@@ -16,8 +17,8 @@
 
 namespace gs {
 
-/// Returns the pixels of a step's target. They stay valid until the next call.
-using TargetSource = std::function<TargetImage(const StepRequest& request)>;
+/// Brings the pixels of a step's target.
+using TargetSource = std::function<void(StepRequest& request)>;
 
 /// What the steps of a rank have cost since the last look.
 struct RankCosts {
@@ -33,13 +34,8 @@ struct ShownView {
     CameraParams<float> camera;
     RenderMode mode = RenderMode::kFull;
     bool for_step = false;
-    std::int64_t id = -1;  ///< of a training view
-};
-
-/// What a rank says of a view when a step was computed.
-struct ViewReport {
-    ViewLoss loss;                 ///< from the rank that renders it
-    std::uint64_t num_splats = 0;  ///< of the rank's own Gaussians
+    std::int64_t id = -1;          ///< of a training view
+    ViewReport* report = nullptr;  ///< of a step's view
 };
 
 /// Sums over pixels of splats in several views: in the host's memory, or on a device in the place of the splats.
@@ -65,11 +61,18 @@ class RankWorker {
     /// Renders views, view k on rank k modulo their number, and brings the images to rank 0; `out` is left alone on the
     /// others. The images are those that one rank would render, to the bit.
     void render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out);
-    /// Takes a step; view k is rendered by rank k modulo their number. Returns the statistics of this step alone,
-    /// without gradients that were left out. Shared weights may wait for complete_step().
-    StepStats step(std::vector<StepRequest> views);
-    /// Ends the last step, before anything else is done with the rank's backend.
+    /// Takes a step; view k is rendered by rank k modulo their number. Where devices know the room that splats need,
+    /// and PPISP does not learn, they judge for themselves whether the step is taken, and its judgement is read in the
+    /// next step, or by finish_steps(). The pixels of the targets must stay until then.
+    void step(std::vector<StepRequest> views);
+    /// Lets the last step take what it waits for from other ranks, if anything.
     void complete_step();
+    /// Completes all steps and reads their judgements, before anything but a step is done with the rank's backend.
+    void finish_steps();
+    /// Returns whether finish_steps() has something to do: on all ranks the same.
+    bool has_unfinished_steps() const { return !unread_.empty(); }
+    /// Returns the statistics of the steps whose judgements were read, without gradients that were left out.
+    StepStats& stats() { return stats_; }
     /// Returns the number of gradients that were left out since the last call: of all ranks' Gaussians, and of what is
     /// common to them.
     std::int64_t take_nonfinite();
@@ -127,8 +130,10 @@ class RankWorker {
     void gather_splats(const std::vector<ShownView>& views, std::size_t first);
     /// Sets sums.parts for the view that this rank renders, of those from `first` on.
     template <class Sum> void place_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums);
-    /// Begins to bring the sums of the views from `first` on to the ranks that have the splats.
-    template <class Sum> void scatter_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums);
+    /// Begins to bring the sums of the views from `first` on to the ranks that have the splats, and with the last ones
+    /// of a step its reports to all.
+    template <class Sum> void scatter_sums(std::size_t first, const std::vector<ShownView>& views,
+                                           SumsOfViews<Sum>& sums);
     /// Sorts splats_ by their rows in the whole model. All ranks call it, with the view that each of the ranks from 0
     /// on renders.
     void order_by_rows(std::size_t first_view, std::size_t num_views);
@@ -136,16 +141,20 @@ class RankWorker {
     std::size_t rank_after(std::size_t offset) const;
     /// Begins to bring the gradients of the shared weights by all ranks to shared_of_all_ranks_; shared_ has the own.
     void begin_shared();
-    /// Returns the request with the pixels of its view.
-    StepRequest with_target(const StepRequest& request) const;
+    /// Returns whether PPISP learns from a step.
+    bool corrects(const std::vector<StepRequest>& views) const;
+    /// Brings the pixels of a request that has none.
+    void bring_target(StepRequest& request) const;
     /// Calls fn() on splats that came from other ranks. Where one of these is lost they are not what it sent; then it
     /// throws what says so instead of the error that comes of it.
     template <class Fn> auto on_received(Fn&& fn);
-    /// Begins to compute the losses of the views, the sums of all splats and isp_gradient_.
-    void begin_losses(const std::vector<StepRequest>& views);
-    /// Waits for the losses of all ranks and writes them. Returns false on all ranks if a view had too little room
-    /// anywhere: there is room for it then.
-    bool gather_losses(const std::vector<StepRequest>& views, std::vector<ViewLoss>& losses);
+    /// Begins a step: computes the losses of its views, the sums of all splats and isp_gradient_, judges and updates.
+    void begin_step(std::vector<StepRequest> views);
+    /// Reads the oldest judgement that was not read. Where it says so, that step and all after it are taken once more,
+    /// with room; the last of these judgements is not read.
+    void read_judgement();
+    /// Takes notice of what all ranks say of the views of a step: there is room for them then.
+    void note_reports(const std::vector<StepRequest>& views, const std::vector<ViewReport>& reports);
     /// Returns the room that a rank's splats of a view have.
     std::size_t room(std::int64_t view, std::size_t rank) const { return rooms_.room(view, rows_[rank].count); }
 
@@ -163,8 +172,11 @@ class RankWorker {
     SplatParts splats_;                              ///< of the view that is rendered
     RankArray<WireSplat> ordered_;                   ///< these, by their rows in the whole model
     SumsOfViews<SplatSums<float>> sums_;             ///< of a step, in the memory of the splats
+    RankArray<ViewReport> reports_, reports_of_all_ranks_;  ///< on the views of a step, (ranks, views)
     RankArray<float> shared_, shared_of_all_ranks_;  ///< gradients of the shared weights, (ranks, shared_row())
-    std::vector<StepRequest> incomplete_;            ///< views of a step that complete_step() ends
+    bool is_incomplete_ = false;                     ///< the last step waits for complete_step()
+    std::deque<std::vector<StepRequest>> unread_;    ///< views of the steps whose judgements were not read, in order
+    StepStats stats_;
     std::vector<float> isp_gradient_;                ///< by PPISP, of the step
     double splats_sent_ = 0;                         ///< to other ranks, since the beginning
     RankCosts costs_;

@@ -24,6 +24,7 @@ enum class Call : std::uint32_t {
     kUploadPpisp,
     kRender,
     kStep,
+    kFinishSteps,
     kTakeNonFinite,
     kDistill,
     kDensify,
@@ -92,17 +93,7 @@ void keep_rows(RankWorker& worker, const std::vector<std::uint8_t>& marks) {
 RankedBackend::RankedBackend(Communicator& ranks, std::unique_ptr<Backend> own, int views_per_step)
     : ranks_(ranks), own_(std::move(own)), views_per_step_(views_per_step), worker_(ranks, *own_, {}) {}
 
-RankedBackend::~RankedBackend() {
-    try {
-        if (lost_)
-            ranks_.abort();  // nobody knows what the others wait for
-        else
-            send_to_others(ranks_, message_of(Call::kEnd)), worker_.complete_step();
-    } catch (const Error&) {  // a rank that is lost ends by itself
-    }
-}
-
-template <class Fn> auto RankedBackend::together(const MessageWriter& command, Fn&& own_part) {
+template <class Fn> auto RankedBackend::on_all(const MessageWriter& command, Fn&& own_part) {
     const struct Guard {
         bool& lost;
         int exceptions = std::uncaught_exceptions();
@@ -110,8 +101,28 @@ template <class Fn> auto RankedBackend::together(const MessageWriter& command, F
     } guard{lost_};
     if (lost_) throw DeviceError("a rank of the training was lost");
     send_to_others(ranks_, command);
-    worker_.complete_step();
     return own_part();
+}
+
+template <class Fn> auto RankedBackend::together(const MessageWriter& command, Fn&& own_part) {
+    return on_all(command, [&] {
+        worker_.finish_steps();
+        return own_part();
+    });
+}
+
+RankedBackend::~RankedBackend() {
+    try {
+        if (lost_)
+            ranks_.abort();  // nobody knows what the others wait for
+        else
+            together(message_of(Call::kEnd), [] {});
+    } catch (const Error&) {  // a rank that is lost ends by itself
+    }
+}
+
+void RankedBackend::finish_steps() {
+    if (worker_.has_unfinished_steps()) together(message_of(Call::kFinishSteps), [] {});
 }
 
 std::string RankedBackend::describe() const {
@@ -167,11 +178,8 @@ void RankedBackend::step_on(const std::vector<StepRequest>& views) {
     put(message, views);
     all_steps_done_ = false;
     const RankWorker::Mark begin = worker_.mark();
-    const StepStats one = together(message, [&] { return worker_.step(views); });
+    on_all(message, [&] { worker_.step(views); });
     worker_.count_step(begin);
-    stats_.loss = one.loss, stats_.l1 = one.l1, stats_.ssim = one.ssim, stats_.num_instances = one.num_instances;
-    ++stats_.steps;
-    stats_.consecutive_skips = one.consecutive_skips ? stats_.consecutive_skips + 1 : 0;
 }
 
 void RankedBackend::distill(const StepRequest& request) {
@@ -179,18 +187,20 @@ void RankedBackend::distill(const StepRequest& request) {
     put(message, request);
     together(message, [&] { worker_.distill(request); });
     controllers_differ_ = ranks_.size() > 1;
-    const std::int64_t nonfinite_before = stats_.num_nonfinite_gradients;
-    stats_ = own_->take_stats();
-    stats_.num_nonfinite_gradients += nonfinite_before;
+    StepStats& stats = worker_.stats();
+    const std::int64_t nonfinite_before = stats.num_nonfinite_gradients;
+    stats = own_->take_stats();
+    stats.num_nonfinite_gradients += nonfinite_before;
 }
 
 StepStats RankedBackend::take_stats() {
-    StepStats out = stats_;
+    StepStats& stats = worker_.stats();
+    StepStats out = stats;
     if (all_steps_done_)  // the question waits for all devices
         out.num_nonfinite_gradients +=
             together(message_of(Call::kTakeNonFinite), [&] { return worker_.take_nonfinite(); });
-    stats_.steps = 0;
-    stats_.num_nonfinite_gradients = 0;
+    stats.steps = 0;
+    stats.num_nonfinite_gradients = 0;
     return out;
 }
 
@@ -311,10 +321,13 @@ void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) 
     while (true) {
         const RankWorker::Mark begin = worker.mark();
         MessageReader message = receive_from_rank_0(ranks);
-        worker.complete_step();
-        switch (message.get<Call>()) {
+        const Call call = message.get<Call>();
+        if (call != Call::kStep) worker.finish_steps();
+        switch (call) {
             case Call::kEnd:
                 return;
+            case Call::kFinishSteps:
+                break;
             case Call::kUpload: {
                 MessageReader part = receive_from_rank_0(ranks);
                 worker.upload(get_gaussians(part));

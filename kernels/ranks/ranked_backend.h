@@ -36,7 +36,7 @@ class RankedBackend : public Backend, private BackendTimer {
     void set_active_degree(int degree) override;
     void upload_ppisp(const PpispState& state) override;
     PpispState download_ppisp() override {
-        worker_.complete_step();
+        finish_steps();
         return own_->download_ppisp();
     }
     void render(const RenderRequest& request, RenderedImage& out) override;
@@ -47,7 +47,7 @@ class RankedBackend : public Backend, private BackendTimer {
     void distill(const StepRequest& request) override;
     StepStats take_stats() override;
     void synchronize() override {
-        worker_.complete_step();
+        finish_steps();
         own_->synchronize();
         all_steps_done_ = true;
     }
@@ -77,14 +77,17 @@ class RankedBackend : public Backend, private BackendTimer {
     Ceilings measure_ceilings() override { return own_->timer().measure_ceilings(); }
 
     /// Sends a command to the other ranks and does rank 0's own part of it. After a failure nothing more is sent.
+    template <class Fn> auto on_all(const MessageWriter& command, Fn&& own_part);
+    /// The same for all but steps, which are finished first.
     template <class Fn> auto together(const MessageWriter& command, Fn&& own_part);
+    /// Lets all ranks finish their steps.
+    void finish_steps();
     void deal_anew_if_uneven();
 
     Communicator& ranks_;
     const std::unique_ptr<Backend> own_;
     const int views_per_step_;
     RankWorker worker_;
-    StepStats stats_;
     bool all_steps_done_ = false;  ///< synchronize() was called after the last step
     bool lost_ = false;
     bool controllers_differ_ = false;  ///< rank 0 alone has trained them

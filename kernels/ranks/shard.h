@@ -3,13 +3,13 @@
 // (docs/math/ranks.md).
 #pragma once
 
-#include <memory>
 #include <vector>
 
 #include "kernels/blend/residual_score.h"
 #include "kernels/core/parallel.h"
 #include "kernels/ranks/dealt_rows.h"
 #include "kernels/ranks/rank_array.h"
+#include "kernels/ranks/view_report.h"
 #include "kernels/requests.h"
 #include "kernels/splat/wire_splat.h"
 
@@ -23,9 +23,6 @@ struct ProjectedView {
     RankArray<WireSplat> splats;
     RankArray<std::uint32_t> rows;    ///< of the splats, but not of a step's on a device
     RankArray<std::uint32_t> places;  ///< of a step's on a device: (Gaussians) the splat of each, kNowhere if none
-    /// How many the view has, which may be more than there was room for. The host sees it once the shard has returned
-    /// from take_losses().
-    std::shared_ptr<std::uint64_t> num_found;
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
 
@@ -49,13 +46,6 @@ template <class Sum, class Write> void write_sums(const SplatParts& splats, cons
         first += size;
     }
 }
-
-/// The loss of one view and its parts.
-struct ViewLoss {
-    double loss = 0, l1 = 0, ssim = 0;
-    std::int64_t num_instances = 0;
-    bool fits = true;  ///< whether there was room for the instances; if not, the rest means nothing
-};
 
 /// The sums of one splat over the pixels of a view that say what its residual is worth.
 struct ResidualSplatSums {
@@ -99,7 +89,8 @@ struct LeftOut {
 
 /// The backend of one rank: the Gaussians that it holds, and the views that it renders of splats from all ranks. A view
 /// is rendered in the order in which its splats come where their depths are equal. Splats, their rows, the gradient
-/// sums of a step and the gradients of shared weights lie in the memory of device(); other sums in the host's.
+/// sums of a step, reports on its views and the gradients of shared weights lie in the memory of device(); other sums
+/// in the host's.
 class Shard {
   public:
     /// Returns the device on which the rank computes, which lives as long as the backend; null where that is the host.
@@ -108,11 +99,12 @@ class Shard {
     /// Begins to compute the splats of the rank's Gaussians that touch a tile of the view: for a step, or for a frame,
     /// which may read residuals in half precision. A device is at work on it until end_projection().
     virtual void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) = 0;
-    /// Writes the splats of the projection that was begun, the only one.
-    virtual void end_projection(ProjectedView& out) = 0;
+    /// Writes the splats of the projection that was begun, the only one, and begins the report on the view unless that
+    /// is null.
+    virtual void end_projection(ProjectedView& out, ViewReport* report) = 0;
     /// Does the same without waiting for a device: writes `room` splats. Those beyond it are left out, and what they
     /// leave free reaches no pixel.
-    virtual void end_projection(ProjectedView& out, std::size_t room) = 0;
+    virtual void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) = 0;
     /// Makes room for the next view that is rendered for a step, and returns where in it `placed` of its `splats` are
     /// to lie, and later their sums in the same place; null if they should lie in memory of their own. What lies there
     /// stays through projections and update_rows(), until the next view is rendered.
@@ -127,12 +119,19 @@ class Shard {
     virtual void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) = 0;
     /// Begins to compute the loss of a view and the gradient sums of each splat, which mean nothing if the loss is not
     /// finite. Adds the gradient of the view's PPISP to `isp_gradient` (PpispState::size()) where it learns. `sums` may
-    /// lie in the memory of `splats`: they are resized after the last use of these.
+    /// lie in the memory of `splats`: they are resized after the last use of these. Adds the loss to `report`.
     virtual void loss_of_splats(const SplatParts& splats, const StepRequest& request,
-                                const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient) = 0;
-    /// Waits for what was begun, and returns the losses since the last call in order. Where one did not fit, there is
-    /// room for it afterwards.
-    virtual std::vector<ViewLoss> take_losses() = 0;
+                                const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient,
+                                ViewReport* report) = 0;
+    /// Judges the step whose views `reports` are on, (ranks, views) by all ranks (verdict_on). A device does so when it
+    /// comes there, and takes part in no step from one on that has to be repeated until take_back().
+    virtual void judge(const RankArray<ViewReport>& reports) = 0;
+    /// Waits for the oldest judgement that was not read yet, and returns the reports that it is made on.
+    virtual std::vector<ViewReport> read_reports() = 0;
+    /// Notes what was reported on a training view that this rank has rendered: there is room for its instances then.
+    virtual void note_view(std::int64_t /*id*/, const ViewReport&) {}
+    /// Takes back the counts of the steps from the oldest on that has to be repeated, on `num_views` views together.
+    virtual void take_back(std::int64_t num_views) = 0;
     /// Trains a controller as Backend::distill does.
     virtual void distill_splats(const SplatParts& splats, const StepRequest& request) = 0;
     virtual double squared_error_of_splats(const SplatParts& splats, const StepRequest& request) = 0;
@@ -148,18 +147,18 @@ class Shard {
     virtual ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) = 0;
 
     /// Takes the step of the rank's Gaussians on the mean gradient of `views`, of which `projected` and `sums` hold the
-    /// splats that were projected and what was computed of them. `num_gaussians` counts those of all ranks. Writes the
-    /// gradient of the shared weights by the rank's Gaussians, shared_row() values. A device may still be at work when
-    /// the function returns.
+    /// splats that were projected and what was computed of them, if the last judgement was to take it. Counts it in any
+    /// case. `num_gaussians` counts those of all ranks. Writes the gradient of the shared weights by the rank's
+    /// Gaussians, shared_row() values, which mean nothing in a step that is not taken. A device may still be at work
+    /// when the function returns.
     virtual void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
                              const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                              RankArray<float>& shared_gradient) = 0;
-    /// Ends the step: takes that of the shared weights and of PPISP, and counts it. `shared_gradients` (ranks,
-    /// shared_row()) are those of all ranks, which are added up in their order; `isp_gradient` is added up already.
-    virtual void update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
-                               std::vector<float>& isp_gradient) = 0;
-    /// Counts a step that is not taken.
-    virtual void count_step(const std::vector<StepRequest>& views) = 0;
+    /// Takes the step of the shared weights after update_rows(), on the same condition. `shared_gradients` (ranks,
+    /// shared_row()) are those of all ranks, which are added up in their order.
+    virtual void update_shared_weights(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients) = 0;
+    /// Takes the step of PPISP, or only counts it where the step was skipped. `gradient` is that of all ranks.
+    virtual void update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) = 0;
     /// Returns what was left out since the last call.
     virtual LeftOut take_nonfinite() = 0;
 

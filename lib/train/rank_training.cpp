@@ -85,18 +85,18 @@ void train_once(RankTeam& team, TrainOptions options, const Scene& loaded, Messa
     take_views(begin, scene);
     TrainingViews views(options, scene);
     views.deal(views_per_step, [&](int k) { return k % team.size() == team.rank(); });
-    std::shared_ptr<const ViewImage> image;
     choose_device(team, options.device);
     connect_devices(team, options.device);
     const auto backend = make_backend(options.device, appearance, backend_options);
-    follow(ranks, *backend, [&](const StepRequest& request) {
-        image = views.image_of_rank(request.target.id, request.iteration);
+    follow(ranks, *backend, [&](StepRequest& request) {
+        const auto image = views.image_of_rank(request.target.id, request.iteration);
         const TargetImage target = target_image(*image, request.target.id);
         if (target.width != request.camera.width || target.height != request.camera.height)
             throw DataError(fmt::format("the image {} has {}x{} pixels instead of {}x{}",
                                         scene.train[std::size_t(request.target.id) % scene.train.size()].name,
                                         target.width, target.height, request.camera.width, request.camera.height));
-        return target;
+        request.target = target;
+        request.pixels = image;
     });
 }
 

@@ -31,12 +31,12 @@ void hold_once(RankTeam& team, MessageReader begin) {
     choose_device(team, device);
     connect_devices(team, device);
     const auto backend = make_backend(device, appearance, options);
-    follow(team.communicator(), *backend, [&](const StepRequest& request) {
+    follow(team.communicator(), *backend, [&](StepRequest& request) {
         const Image& image = targets.at(std::size_t(request.target.id));
-        TargetImage target = request.target;
+        TargetImage& target = request.target;
         target.width = image.width, target.height = image.height, target.channels = image.channels;
         target.u8 = image.u8.data();
-        return target;
+        request.pixels = {std::shared_ptr<const void>(), image.u8.data()};  // they outlive the steps
     });
 }
 

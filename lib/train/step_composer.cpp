@@ -34,6 +34,7 @@ StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteratio
         const Image& color = view.image->color;
         request.camera = camera_params(resized(camera, color.width, color.height));
         request.target = target_image(*view.image, id);
+        request.pixels = view.image;
     } else {
         request.camera = camera_params(view.level > 0 ? reduced(camera, view.level + 1) : camera);
         request.target.id = id;

@@ -13,8 +13,8 @@ namespace gs {
 
 /// One training view as a step uses it.
 struct StepView {
-    std::size_t index = 0;   ///< index into scene.train
-    const ViewImage* image;  ///< must outlive the backend's call with the request; null: its pixels are read elsewhere
+    std::size_t index = 0;                   ///< index into scene.train
+    std::shared_ptr<const ViewImage> image;  ///< null: its pixels are read elsewhere
     Vec3<float> background{};
     int level = 0;  ///< place of the image among those of its view: 0 for the full one, f - 1 if reduced f times
 };

@@ -452,9 +452,8 @@ class Run {
 
     /// Returns where steps on single views at `moment` come from. Each is valid until the next is asked for.
     StepSource steps_on_views(const Moment& moment) {
-        return [this, moment, image = std::shared_ptr<const ViewImage>()](std::size_t view) mutable {
-            image = views_.image(view);
-            return composer_.compose(StepView{view, image.get(), views_.fixed_background()}, moment);
+        return [this, moment](std::size_t view) {
+            return composer_.compose(StepView{view, views_.image(view), views_.fixed_background()}, moment);
         };
     }
 

@@ -37,7 +37,7 @@ class TrainingViews {
         Vec3<float> background;
         int level = 0;  ///< StepView::level
 
-        StepView view() const { return {index, image.get(), background, level}; }
+        StepView view() const { return {index, image, background, level}; }
     };
 
     /// Starts decoding for the iterations from `first` to before `end`.

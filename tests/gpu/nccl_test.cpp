@@ -21,7 +21,7 @@ class GpuNccl : public Gpu {
 };
 
 /// Trains a little on `size` ranks, each on the device of its number, connected by NCCL where that is asked for.
-Gaussians trained(const RankViews& views, int size, bool by_nccl) {
+Gaussians trained(const RankViews& views, int size, bool by_nccl, bool in_a_row = false) {
     Gaussians after;
     on_ranks(size, [&](Communicator& ranks) {
         use_cuda_device(ranks.rank());
@@ -32,9 +32,9 @@ Gaussians trained(const RankViews& views, int size, bool by_nccl) {
         BackendOptions options;
         options.deterministic = true;
         std::unique_ptr<Backend> own = make_cuda_backend(views.model.appearance, options);
-        if (ranks.rank() > 0) return follow(ranks, *own, views.targets());
+        if (ranks.rank() > 0) return follow(ranks, *own, in_a_row ? targets_in_a_row(views) : views.targets());
         RankedBackend backend(ranks, std::move(own), kViews);
-        after = train_with_noise(views, backend);
+        after = in_a_row ? train_in_a_row(views, backend) : train_with_noise(views, backend);
         EXPECT_EQ(backend.measure_connection().bytes_per_second > 0, size > 1);
     });
     return after;
@@ -56,8 +56,43 @@ TEST_F(GpuNccl, IsRefusedToRanksThatShareAGpu) {
 TEST_F(GpuNccl, TakesSplatsBetweenTwoGpusAsTheHostDoes) {
     if (cuda_device_count() < 2) GTEST_SKIP() << "needs two GPUs, there is " << cuda_device_count();
     const RankViews views(info, kRows, 90);
-    Gaussians by_nccl = trained(views, 2, true), by_host = trained(views, 2, false);
-    expect_equal(by_nccl, by_host);
+    for (const bool in_a_row : {false, true}) {
+        Gaussians by_nccl = trained(views, 2, true, in_a_row), by_host = trained(views, 2, false, in_a_row);
+        expect_equal(by_nccl, by_host);
+    }
+}
+
+TEST_F(GpuNccl, EndsATrainingWithALostRank) {
+    if (cuda_device_count() < 2) GTEST_SKIP() << "needs two GPUs, there is " << cuda_device_count();
+    const RankViews views(info, kRows, 90);
+    on_ranks(2, [&](Communicator& ranks) {
+        use_cuda_device(ranks.rank());
+        EXPECT_EQ(connect_devices(ranks, cuda_device_id()), "");
+        std::unique_ptr<Backend> own = make_cuda_backend(views.model.appearance);
+        const auto targets = [&](StepRequest& request) {
+            if (request.iteration == 5) throw DataError("the photograph is gone");
+            request.target = views.target(request.target.id);
+        };
+        if (ranks.rank() == 1) return follow(ranks, *own, targets);
+        RankedBackend backend(ranks, std::move(own), kViews);
+        backend.upload(views.model);
+        std::thread watch([&] {
+            std::this_thread::sleep_for(std::chrono::seconds(2));
+            ranks.abort();
+        });
+        const double start = seconds_now();
+        const auto train = [&] {
+            for (int k = 0; k < 8; ++k) {
+                auto steps = views.steps();
+                for (StepRequest& step : steps) step.iteration = k, step.isp_rate = 0;
+                backend.step_on(steps);
+            }
+            backend.synchronize();
+        };
+        EXPECT_THROW(train(), DeviceError);
+        EXPECT_LT(seconds_now() - start, 20);
+        watch.join();
+    });
 }
 
 TEST_F(GpuNccl, EndsAnExchangeWithALostRank) {

@@ -227,6 +227,63 @@ TEST_F(GpuRanksOfOneModel, CountTheBytesThatRanksOfTheCpuCount) {
     EXPECT_NEAR(gpu.sent, cpu.sent, 36 * kViews);
 }
 
+TEST_F(GpuRanksOfOneModel, BeginStepsBeforeTheLastOneIsKnown) {
+    const RankViews views(info, 20000, 90);
+    RankViews large = views;
+    for (float& scale : large.model[Group::kScale].param) scale += 4;
+    const auto device_exchanges = [](RankedBackend& backend) { return backend.take_costs().traffic.device_exchanges; };
+    Gaussians expected;
+    on_device(
+        1, views, [&](RankedBackend& backend) { expected = train_in_a_row(large, backend, true); }, true);
+    on_device(
+        1, views,
+        [&](RankedBackend& backend) {
+            train_in_a_row(views, backend);
+            EXPECT_GT(device_exchanges(backend), kStepsInARow * kViews) << "views show more than a quarter";
+            Gaussians after = train_in_a_row(large, backend);
+            EXPECT_GT(device_exchanges(backend), kStepsInARow * kViews) << "all Gaussians are in all tiles now";
+            expect_equal(expected, after);
+            // Steps that nobody asked about are finished before anything else is done.
+            backend.step_on(large.steps());
+            after = backend.download(true);
+            EXPECT_EQ(after.step, (kStepsInARow + 1) * kViews);
+        },
+        true);
+}
+
+TEST_F(GpuRanksOfOneModel, KeepPlaceForViewsThatShowLittle) {
+    constexpr std::int64_t kMany = 300000;
+    for (const char* model : {"sh", "neural_wide"}) {
+        SCOPED_TRACE(model);
+        RankViews views(appearance_model(model), kMany);
+        const auto& camera = views.cameras[0];
+        const Vec3<float> behind = camera.position - camera.rotation.r2 * 100.0f;
+        for (std::int64_t i = 0; i < kMany; ++i) {
+            float* const p = views.model[Group::kMean].param.data() + 3 * i;
+            if (i % 300) p[0] = behind.x, p[1] = behind.y, p[2] = behind.z;
+        }
+        const auto step = [&](int times, Gaussians& after) {
+            return [&, times](RankedBackend& backend) {
+                for (int k = 0; k < times; ++k) {
+                    backend.upload(views.model);
+                    auto steps = views.steps();
+                    steps.resize(2);
+                    for (StepRequest& one : steps) one.isp_rate = 0;
+                    backend.step_on(steps);
+                }
+                after = backend.download(true);
+            };
+        };
+        Gaussians cpu, gpu;
+        with_ranked_backend(1, kViews, views.model.appearance, views.targets(), step(1, cpu));
+        on_device(1, views, step(2, gpu));  // at first views have room for a quarter
+        const double tolerance = appearance_model(model).num_shared > 0 ? 0.05 : 2e-3;
+        for_arrays(cpu, gpu, [&](const auto& x, const auto& y, const std::string& what) {
+            if (what.find("moment") != std::string::npos) expect_close(x, y, tolerance, what);
+        });
+    }
+}
+
 TEST_F(GpuRanksOfOneModel, RepeatThemselvesToTheBit) {
     const RankViews views(info, kRows, 90);
     Gaussians first;

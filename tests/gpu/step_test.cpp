@@ -53,6 +53,32 @@ TEST_F(GpuSteps, UnderAMaskOfZerosOnlyRegularise) {
     for (const float m : after[Group::kOpacity].m) EXPECT_GT(m, 0);
 }
 
+TEST_F(GpuSteps, OnTheirOwnPictureHaveNothingToLearn) {
+    for (const std::int64_t rows : {40, 4000}) {  // with plain background in it, and without
+        const TestScene scene = random_scene(rows, 3, 150, 70, -1.0, 9);
+        const auto gpu = make_cuda_backend(scene.model.appearance);
+        gpu->upload(scene.model);
+        StepRequest r = step_request(scene.camera, {});
+        r.opacity_reg = r.scale_reg = 0;
+        RenderRequest view;
+        view.camera = scene.camera, view.background = r.background;
+        RenderedImage image;
+        gpu->render(view, image);
+        std::vector<float> pixels;
+        const std::size_t plane = image.rgb.size() / 3;
+        for (std::size_t i = 0; i < plane; ++i)
+            for (std::size_t c = 0; c < 3; ++c) pixels.push_back(image.rgb[c * plane + i]);
+        r.target = {image.width, image.height, 3, nullptr, pixels.data()};
+        gpu->step(r);
+        gpu->synchronize();
+        const StepStats stats = gpu->take_stats();
+        EXPECT_EQ(stats.l1, 0);
+        EXPECT_EQ(stats.ssim, 1);
+        const Gaussians after = gpu->download(true);
+        for (const auto& group : after.groups) EXPECT_EQ(group.m, std::vector<float>(group.m.size()));
+    }
+}
+
 /// Takes five steps on two views with noise, rates per residual column and higher ones for far means. Both sides
 /// compute in float, so each may be a few roundings off per step, which Adam turns into parts of a rate where gradients
 /// are near zero.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include "appearance/model_info.h"
 #include "kernels/backend.h"
@@ -57,7 +58,7 @@ struct RankViews {
         return {kRankWidth, kRankHeight, 3, nullptr, photographs[std::size_t(view)].data(), nullptr, view};
     }
     TargetSource targets() const {
-        return [this](const StepRequest& r) { return target(r.target.id); };
+        return [this](StepRequest& r) { r.target = target(r.target.id); };
     }
     StepRequest step(std::size_t view) const {
         StepRequest r;
@@ -198,6 +199,45 @@ inline Gaussians train_with_noise(const RankViews& views, RankedBackend& backend
         backend.densify({McmcParams{.cap = kRows + 20}, k, 42});
     }
     return backend.download(true);
+}
+
+/// Steps that devices begin before they know what has become of the one before: PPISP does not learn, and nothing
+/// comes between them. One of them is skipped.
+inline constexpr int kStepsInARow = 6, kSkipped = 2;
+
+/// Returns the views of step `k`.
+inline RankViews views_in_a_row(const RankViews& views, std::int64_t k) {
+    RankViews copy = views;
+    if (k == kSkipped)
+        for (auto& photograph : copy.photographs) photograph[17] = std::nanf("");
+    return copy;
+}
+
+/// Returns the model after these steps; with `one_by_one` the host waits for each.
+inline Gaussians train_in_a_row(const RankViews& views, RankedBackend& backend, bool one_by_one = false) {
+    backend.upload(views.model);
+    for (int k = 0; k < kStepsInARow; ++k) {
+        const RankViews lent = views_in_a_row(views, k);
+        auto steps = lent.steps();
+        for (StepRequest& step : steps) step.noise = 100, step.iteration = k, step.isp_rate = 0;
+        backend.step_on(steps);
+        if (one_by_one) backend.synchronize();
+    }
+    backend.synchronize();
+    const StepStats stats = backend.take_stats();
+    EXPECT_EQ(stats.steps, kStepsInARow);
+    EXPECT_EQ(stats.consecutive_skips, 0);
+    EXPECT_TRUE(std::isfinite(stats.loss));
+    return backend.download(true);
+}
+
+/// Brings the photographs of these steps to other ranks than 0.
+inline TargetSource targets_in_a_row(const RankViews& views) {
+    return [&views](StepRequest& request) {
+        const auto kept = std::make_shared<const RankViews>(views_in_a_row(views, request.iteration));
+        request.target = kept->target(request.target.id);
+        request.pixels = kept;
+    };
 }
 
 }  // namespace gs::test

@@ -41,7 +41,7 @@ struct Results {
     Traffic traffic;
 };
 
-Results results(const RankViews& views, int size, Way way) {
+Results results(const RankViews& views, int size, Way way, bool in_a_row) {
     Results found;
     on_ranks(size, [&](Communicator& ranks) {
         if (way == Way::kNccl) {
@@ -53,9 +53,9 @@ Results results(const RankViews& views, int size, Way way) {
             own = make_cpu_backend(views.model.appearance);
         else
             own = std::make_unique<BackendOnDevice>();
-        if (ranks.rank() > 0) return follow(ranks, *own, views.targets());
+        if (ranks.rank() > 0) return follow(ranks, *own, in_a_row ? targets_in_a_row(views) : views.targets());
         RankedBackend backend(ranks, std::move(own), kViews);
-        found.model = train_with_noise(views, backend);
+        found.model = in_a_row ? train_in_a_row(views, backend) : train_with_noise(views, backend);
         found.traffic = backend.take_costs().traffic;
         std::vector<RenderRequest> requests(kViews);
         for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
@@ -67,26 +67,27 @@ Results results(const RankViews& views, int size, Way way) {
     return found;
 }
 
-/// Expects that the three steps of `train_with_noise` exchange on devices what they exchange on hosts. With `rooms`,
-/// they do without the numbers of splats, but fill room with splats that are none, and repeat what did not fit.
-void expect_traffic(const Traffic& devices, const Traffic& hosts, int size, bool rooms, std::int64_t rows) {
+/// Expects that `steps` steps exchange on devices what they exchange on hosts. With `rooms`, they do without the
+/// numbers of splats, but fill room with splats that are none, and repeat what did not fit, and what was begun
+/// meanwhile.
+void expect_traffic(const Traffic& devices, const Traffic& hosts, int size, bool rooms, std::int64_t rows, int steps) {
     const int rounds = (kViews + size - 1) / size;
     // In each try: splats from each other rank in turn, and sums.
     EXPECT_EQ(devices.device_exchanges % (size * rounds), 0);
     const std::int64_t tries = devices.device_exchanges / (size * rounds);
     if (!rooms) {
-        EXPECT_EQ(tries, 3);
+        EXPECT_EQ(tries, steps);
         EXPECT_EQ(devices.sent, hosts.sent);
         EXPECT_EQ(devices.received, hosts.received);
         EXPECT_EQ(devices.messages, hosts.messages);
         EXPECT_EQ(devices.exchanges, hosts.exchanges);
         return;
     }
-    EXPECT_GE(tries, 3);
-    EXPECT_LE(tries, 5) << "a view is made room for once";
-    EXPECT_EQ(tries > 3, rows == kRows) << "where a view shows more than a quarter of many Gaussians";
-    const int counts = 3 * (size - 1) * rounds, losses = 1;
-    EXPECT_EQ(devices.exchanges, hosts.exchanges - counts + (tries - 3) * (size * rounds + losses));
+    EXPECT_GE(tries, steps);
+    EXPECT_LE(tries, steps + 2) << "a view is made room for once";
+    EXPECT_EQ(tries > steps, rows == kRows) << "where a view shows more than a quarter of many Gaussians";
+    const int counts = steps * (size - 1) * rounds;
+    EXPECT_EQ(devices.exchanges, hosts.exchanges - counts + (tries - steps) * size * rounds);
     EXPECT_GE(devices.sent, hosts.sent - 8.0 * counts);
     constexpr double kBytesOfSplat = 48 + 36, kRest = 4096;  // commands and losses
     EXPECT_LE(devices.sent, hosts.sent + double(tries) * (kBytesOfSplat * double(rows) * kViews + kRest))
@@ -104,19 +105,22 @@ TEST(RanksOnDevices, ComputeWhatRanksOnHostsCompute) {
     for (const auto& [rows, residuals, most_ranks] : {std::tuple(kRows, std::int64_t(90), 3), {2, 1, 5}}) {
         const RankViews views(appearance_model("sh"), rows, residuals);
         for (const int size : {1, 2, most_ranks}) {
-            Results hosts = results(views, size, Way::kHosts);
-            EXPECT_EQ(hosts.traffic.device_exchanges, 0);
-            for (const Way way : ways) {
-                SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(size) + " ranks" +
-                             (way == Way::kNccl ? ", by NCCL" : ""));
-                Results devices = results(views, size, way);
-                expect_equal(hosts.model, devices.model);
-                ASSERT_EQ(devices.images.size(), hosts.images.size());
-                for (std::size_t k = 0; k < kViews; ++k) EXPECT_EQ(devices.images[k].rgb, hosts.images[k].rgb) << k;
-                EXPECT_EQ(devices.scores, hosts.scores);
-                EXPECT_EQ(devices.residuals.worth, hosts.residuals.worth);
-                EXPECT_EQ(devices.error, hosts.error);
-                expect_traffic(devices.traffic, hosts.traffic, size, size == 1 || way == Way::kNccl, rows);
+            for (const bool in_a_row : {false, true}) {
+                Results hosts = results(views, size, Way::kHosts, in_a_row);
+                EXPECT_EQ(hosts.traffic.device_exchanges, 0);
+                for (const Way way : ways) {
+                    SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(size) + " ranks" +
+                                 (way == Way::kNccl ? ", by NCCL" : "") + (in_a_row ? ", steps in a row" : ""));
+                    Results devices = results(views, size, way, in_a_row);
+                    expect_equal(hosts.model, devices.model);
+                    ASSERT_EQ(devices.images.size(), hosts.images.size());
+                    for (std::size_t k = 0; k < kViews; ++k) EXPECT_EQ(devices.images[k].rgb, hosts.images[k].rgb) << k;
+                    EXPECT_EQ(devices.scores, hosts.scores);
+                    EXPECT_EQ(devices.residuals.worth, hosts.residuals.worth);
+                    EXPECT_EQ(devices.error, hosts.error);
+                    expect_traffic(devices.traffic, hosts.traffic, size, size == 1 || way == Way::kNccl, rows,
+                                   in_a_row ? kStepsInARow : 3);
+                }
             }
         }
     }

@@ -215,7 +215,7 @@ std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
         for (const auto& camera : views.cameras) {
             ProjectedView projected;
             backend->shard()->begin_projection(camera, RenderMode::kFull, true);
-            backend->shard()->end_projection(projected);
+            backend->shard()->end_projection(projected, nullptr);
             shown.back().push_back(projected.splats.size());
         }
     }
