@@ -80,7 +80,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
                         std::vector<float>& isp_gradient, ViewReport* report) override;
     void judge(const RankArray<ViewReport>& reports) override;
     std::vector<ViewReport> read_reports() override;
-    void note_view(std::int64_t id, const ViewReport& report) override;
+    void note_view(std::int64_t id, const ViewReport& report, bool rendered_here) override;
     void take_back(std::int64_t num_views) override;
     void distill_splats(const SplatParts& splats, const StepRequest& request) override;
     double squared_error_of_splats(const SplatParts& splats, const StepRequest& request) override;

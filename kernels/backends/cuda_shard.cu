@@ -192,8 +192,9 @@ std::vector<ViewReport> CudaBackend::read_reports() {
     return reports;
 }
 
-void CudaBackend::note_view(std::int64_t id, const ViewReport& report) {
+void CudaBackend::note_view(std::int64_t id, const ViewReport& report, bool rendered_here) {
     forecast_.note(id, report.loss.num_instances);
+    if (!rendered_here) return;
     if (report.lacks_instances)
         make_room(static_cast<unsigned long long>(report.loss.num_instances));
     else

@@ -376,11 +376,13 @@ void RankWorker::read_judgement() {
 }
 
 void RankWorker::note_reports(const std::vector<StepRequest>& views, const std::vector<ViewReport>& reports) {
-    const std::size_t num_ranks = received_.size(), own = rank_after(0);
+    const std::size_t num_ranks = received_.size();
     for (const bool lacks : {false, true})  // what is made room for last stays
-        for (std::size_t k = own; k < views.size(); k += num_ranks)
-            if (const ViewReport& report = reports[own * views.size() + k]; (report.lacks_instances != 0) == lacks)
-                shard_.note_view(views[k].target.id, report);
+        for (std::size_t k = 0; k < views.size(); ++k) {
+            const std::size_t r = k % num_ranks;
+            const ViewReport& report = reports[r * views.size() + k];
+            if ((report.lacks_instances != 0) == lacks) shard_.note_view(views[k].target.id, report, r == rank_after(0));
+        }
     std::vector<std::uint64_t> shares(views.size());
     for (std::size_t k = 0; k < views.size() && makes_rooms_; ++k) {
         std::uint64_t& share = shares[k];

@@ -30,7 +30,7 @@ class SplatRooms {
     }
 
   private:
-    static constexpr std::uint64_t kOne = 1 << 20, kMargin = 16, kLeast = 16;
+    static constexpr std::uint64_t kOne = 1 << 20, kMargin = 8, kLeast = 16;
     std::uint64_t largest_ = kOne / 4;  ///< what is made room for in views that were not seen yet
     std::unordered_map<std::int64_t, std::uint64_t> shares_;
 };
