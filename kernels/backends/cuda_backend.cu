@@ -221,19 +221,26 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     splats_ = c.take<PackedSplat>(sizes.n);
     separate_ = {};
     if (options_.separate_appearance && kernels_.directional) separate_.residuals = c.take<Vec3<float>>(sizes.n);
-    if (sizes.layout == Layout::kProjection) return binning_.take_counts(c, sizes.n);
+    if (sizes.layout == Layout::kProjection) {
+        wire_.rows = c.take<std::uint32_t>(sizes.n);
+        return binning_.take_counts(c, sizes.n);
+    }
     image_ = c.take<float>(3 * pixels);
     transmittance_ = c.take<float>(pixels);
     ppisp_.take(c, sizes.width, sizes.height, for_step);
     binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
     // The buffers that only binning uses share their place with those that are needed only after it.
-    const std::size_t at = c.at();
-    binning_.take_temporaries(c);
+    std::size_t at = c.at();
+    const std::size_t input_end = binning_.take_temporaries(c);
     if (sizes.placed > 0) {
-        // They are read before the blend writes here, and their sums are packed here after its backward pass. The sums
-        // of all splats end before this place, and so does what is computed while splats or sums lie here.
-        c.rewind(std::max({c.at(), at + sizes.n * sizeof(PackedSums), sizes.placed_at}));
+        // Splats are read before the sort writes here.
+        c.rewind(std::max(input_end, sizes.splats_from));
         wire_.splats = c.take<WireSplat>(std::size_t(sizes.placed));
+        // When sums are packed only those of this view are read, which lie behind them.
+        c.rewind(sizes.sums_from);
+        wire_.sums = c.take<SplatSums<float>>(std::size_t(sizes.placed));
+        wire_.sums_end = c.at();
+        at = std::max(at, c.at());
     }
     if (!for_step) return;
     c.rewind(at);
@@ -274,7 +281,7 @@ void CudaBackend::lay_out_view(const CameraParams<float>& camera, std::int64_t n
     if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * n, 1 << 16);
     const auto try_capacity = [&] {
         lay_out({for_backward ? Layout::kStep : Layout::kFrame, n, capacity_, camera.width, camera.height, wire_.placed,
-                 wire_.placed_at});
+                 wire_.splats_from, wire_.sums_from});
     };
     try {
         try_capacity();

@@ -72,7 +72,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
     void end_projection(ProjectedView& out, ViewReport* report) override;
     void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) override;
-    std::byte* room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed) override;
+    ScratchPlaces room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed,
+                                  bool first, bool last) override;
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override;
     void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
@@ -134,8 +135,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         Layout layout = Layout::kFrame;
         std::int64_t n = 0, capacity = 0;
         int width = 0, height = 0;
-        std::int64_t placed = 0;    ///< splats that lie in the block in wire format
-        std::size_t placed_at = 0;  ///< the least place of these in bytes
+        std::int64_t placed = 0;    ///< splats that lie in the block in wire format, and later their sums
+        std::size_t splats_from = 0, sums_from = 0;  ///< the least places of these in bytes
         bool operator==(const Sizes&) const = default;
     };
 
@@ -242,12 +243,13 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     struct {
         CameraParams<float> camera{};  ///< of the projection that was begun
         bool for_step = false;
-        DeviceBuffer<std::uint32_t> rows;  ///< of its splats
+        std::uint32_t* rows = nullptr;  ///< of its splats
         DeviceBuffer<std::int64_t> num_rows;
         DeviceBuffer<unsigned char> cub;
         WireSplat* splats = nullptr;  ///< those that lie in the scratch block
-        std::int64_t placed = 0;      ///< of the view that is rendered next, as in Sizes
-        std::size_t placed_at = 0;
+        SplatSums<float>* sums = nullptr;
+        std::int64_t placed = 0;  ///< of the view that is rendered next, as in Sizes
+        std::size_t splats_from = 0, sums_from = 0, sums_end = 0;
         DeviceBuffer<StepView> views;
         DeviceBuffer<SplatsOfRank> parts;       ///< of a view whose splats are put in order
         std::vector<StepView> host_views;       ///< stays as it is while the device is at work

@@ -73,7 +73,7 @@ void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode
     args.separate = separate_;
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
     kernels_.preprocess(args, splats_, binning_.input(), control_.get(), stream_);
-    std::uint32_t* rows = wire_.rows.reserve(n);
+    std::uint32_t* rows = wire_.rows;
     std::int64_t* num_rows = wire_.num_rows.reserve(1);
     const IsVisible visible{binning_.input().counts};
     std::size_t bytes = 0;
@@ -101,17 +101,20 @@ void CudaBackend::end_projection(ProjectedView& out, std::size_t room, ViewRepor
     } else {
         to.rows = out.rows.resize(room);
     }
-    pack_splats(wire_.rows.get(), wire_.num_rows.get(), preprocess_args(wire_.camera, RenderMode::kFull, {}).params,
+    pack_splats(wire_.rows, wire_.num_rows.get(), preprocess_args(wire_.camera, RenderMode::kFull, {}).params,
                 wire_.camera, splats_, to, stream_);
 }
 
-std::byte* CudaBackend::room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed) {
+ScratchPlaces CudaBackend::room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed,
+                                           bool first, bool last) {
     wire_.placed = std::int64_t(placed);
-    wire_.placed_at = bytes_of({.layout = Layout::kProjection, .n = model_.count});
-    if (kernels_.shared.count > 0)
-        wire_.placed_at = std::max(wire_.placed_at, bytes_of({.layout = Layout::kSharedSums, .n = model_.count}));
+    const std::size_t projected = bytes_of({.layout = Layout::kProjection, .n = model_.count});
+    wire_.splats_from = first ? projected : std::max(projected, wire_.sums_end);
+    wire_.sums_from = kernels_.shared.count > 0 ? bytes_of({.layout = Layout::kSharedSums, .n = model_.count}) : 0;
+    if (!last) wire_.sums_from = std::max(wire_.sums_from, projected);
     lay_out_view(camera, std::int64_t(splats), true);
-    return placed > 0 ? reinterpret_cast<std::byte*>(wire_.splats) : nullptr;
+    if (placed == 0) return {};
+    return {reinterpret_cast<std::byte*>(wire_.splats), reinterpret_cast<std::byte*>(wire_.sums)};
 }
 
 void CudaBackend::order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
@@ -157,15 +160,16 @@ void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r,
     GS_CUDA(cudaEventSynchronize(done_[slot]));
     const DeviceTarget target = images_.get(r.target, slot, stream_);
     const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
-    wire_.placed = 0, wire_.placed_at = 0;
+    wire_.placed = 0, wire_.splats_from = wire_.sums_from = 0;
     enqueue_loss(r, target);
     GS_CUDA(cudaEventRecord(done_[slot], stream_));
     enqueue_sums_of_splats(r, splats, bins);
     report_view<<<1, 1, 0, stream_>>>(control_.get(), r.lambda_dssim, target.weight_sum, report);
     GS_CUDA_LAUNCHED("report_view");
+    // Sums may lie where the gradient of PPISP does.
+    if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
     for (std::size_t part = 0; part < splats.size(); ++part) sums[part]->resize(splats[part]->size());
     pack_sums_of_splats(sums);
-    if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
 }
 
 void CudaBackend::judge(const RankArray<ViewReport>& reports) {

@@ -39,6 +39,20 @@ void keep_pixels(StepRequest& request) {
     request.pixels = kept;
 }
 
+/// Returns the number of values that an array of so many takes, so that others begin at multiples of 16 bytes behind it.
+std::size_t with_alignment(std::size_t num) {
+    static_assert(4 * sizeof(WireSplat) % 16 == 0 && 4 * sizeof(SplatSums<float>) % 16 == 0);
+    return (num + 3) / 4 * 4;
+}
+
+/// Lets arrays of values lie one after another from `at` on, at multiples of 16 bytes, where there is such a place.
+template <class T> auto one_after_another(std::byte* at) {
+    return [at](RankArray<WireSplat>& array, std::size_t room) mutable {
+        array.lie_at(at && room > 0 ? at : nullptr);
+        if (at) at += with_alignment(room) * sizeof(T);
+    };
+}
+
 /// Nothing, for views whose splats have no sums.
 struct NoSum {};
 
@@ -104,34 +118,38 @@ void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<S
         if constexpr (std::is_same_v<Sum, NoSum>)
             order_by_rows(first, views.size());
         else
-            place_sums(first, views.size(), sums);
+            place_sums(views, first, sums);
         if (mine < views.size()) on_received([&] { view(mine); });
         if constexpr (!std::is_same_v<Sum, NoSum>) scatter_sums(first, views, sums);
     }
 }
 
-void RankWorker::choose_place_of_splats(const std::vector<ShownView>& views, std::size_t first, bool foreseen) {
+template <class Fn>
+void RankWorker::for_places(const std::vector<ShownView>& views, std::size_t first, Fn&& fn) {
+    const std::size_t num_ranks = received_.size(), own = rank_after(0), mine = first + own,
+                      end = std::min(first + num_ranks, views.size());
+    const bool renders = mine < end, projects_more = end < views.size();
+    for (std::size_t r = 0; r < num_ranks; ++r)
+        if (r != own) fn(received_[r], renders ? room(views[mine].id, r) : 0);
+    for (std::size_t k = first; k < end; ++k) {
+        // The next view that the rank renders takes the places, but sums for the rank's Gaussians must last until the
+        // step.
+        const bool lasts = renders && (k == mine ? mine + num_ranks >= views.size() : !projects_more);
+        fn(projected_[k].splats, lasts ? room(views[k].id, own) : 0);
+    }
+}
+
+void RankWorker::choose_places(const std::vector<ShownView>& views, std::size_t first, bool foreseen) {
     ranks_.settle();  // what they hold may still be on its way
-    const std::size_t own = rank_after(0), mine = first + own;
-    if (mine >= views.size()) return;
-    // The next view that is rendered takes the place, but the sums of the rank's own splats must last until the step.
-    const bool is_last = mine + received_.size() >= views.size();
-    const auto room_of_rank = [&](std::size_t r) { return room(views[mine].id, r); };
-    std::byte* at = nullptr;
-    if (foreseen) {
+    const std::size_t num_ranks = received_.size(), mine = first + rank_after(0);
+    places_ = {};
+    if (foreseen && mine < views.size()) {
         std::size_t splats = 0, placed = 0;
-        for (std::size_t r = 0; r < received_.size(); ++r) {
-            splats += room_of_rank(r);
-            if (r != own || is_last) placed += room_of_rank(r);
-        }
-        at = shard_.room_for_splats(views[mine].camera, splats, placed);
+        for (std::size_t r = 0; r < num_ranks; ++r) splats += room(views[mine].id, r);
+        for_places(views, first, [&](const auto&, std::size_t room) { placed += with_alignment(room); });
+        places_ = shard_.room_for_splats(views[mine].camera, splats, placed, first == 0, first + num_ranks >= views.size());
     }
-    for (std::size_t r = 0; r < received_.size(); ++r) {
-        if (r == own) continue;
-        received_[r].lie_at(at);
-        if (at) at += room_of_rank(r) * sizeof(WireSplat);
-    }
-    projected_[mine].splats.lie_at(is_last ? at : nullptr);
+    for_places(views, first, one_after_another<WireSplat>(places_.splats));
 }
 
 void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t first) {
@@ -149,7 +167,7 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
     };
     const std::size_t mine = first + rank_after(0);
     const bool renders = mine < views.size();
-    choose_place_of_splats(views, first, foreseen);
+    choose_places(views, first, foreseen);
     // Views of other ranks come first, so that their splats are on their way while the next view is projected.
     begin_projection(first + rank_after(1));
     for (std::size_t offset = 1; offset < num_ranks; ++offset) {
@@ -181,7 +199,8 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
     ranks_.finish(device);
 }
 
-template <class Sum> void RankWorker::place_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums) {
+template <class Sum>
+void RankWorker::place_sums(const std::vector<ShownView>& views, std::size_t first, SumsOfViews<Sum>& sums) {
     const auto array_for = [&](const RankArray<WireSplat>& splats) {
         return sums.device ? RankArray<Sum>::in_memory_of(splats) : RankArray<Sum>();
     };
@@ -190,8 +209,10 @@ template <class Sum> void RankWorker::place_sums(std::size_t first, std::size_t 
         sums.of_view.push_back(array_for(projected_[sums.of_view.size()].splats));
     sums.parts.clear();
     for (RankArray<Sum>& part : sums.computed) sums.parts.push_back(&part);
-    if (const std::size_t mine = first + rank_after(0); mine < num_views)
+    if (const std::size_t mine = first + rank_after(0); mine < views.size())
         sums.parts[rank_after(0)] = &sums.of_view[mine];
+    if constexpr (std::is_same_v<Sum, SplatSums<float>>)
+        if (places_.sums) for_places(views, first, one_after_another<Sum>(places_.sums));
 }
 
 template <class Sum>

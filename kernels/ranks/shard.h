@@ -47,6 +47,12 @@ template <class Sum, class Write> void write_sums(const SplatParts& splats, cons
     }
 }
 
+/// Places in memory that the device uses for other things at other times; null where there are none.
+struct ScratchPlaces {
+    std::byte* splats = nullptr;  ///< what lies here is lost when loss_of_splats() has read its splats
+    std::byte* sums = nullptr;    ///< this is free when loss_of_splats() writes sums, and then until the next view
+};
+
 /// The sums of one splat over the pixels of a view that say what its residual is worth.
 struct ResidualSplatSums {
     float weight;          ///< of the view's mask
@@ -105,11 +111,12 @@ class Shard {
     /// Does the same without waiting for a device: writes `room` splats. Those beyond it are left out, and what they
     /// leave free reaches no pixel.
     virtual void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) = 0;
-    /// Makes room for the next view that is rendered for a step, and returns where in it `placed` of its `splats` are
-    /// to lie, and later their sums in the same place; null if they should lie in memory of their own. What lies there
-    /// stays through projections and update_rows(), until the next view is rendered.
-    virtual std::byte* room_for_splats(const CameraParams<float>&, std::size_t /*splats*/, std::size_t /*placed*/) {
-        return nullptr;
+    /// Makes room for the next view that is rendered for a step, of `splats` splats, and returns places for `placed`
+    /// splats, also of other views, and for as many sums. Unless the view is the `first` one, sums of the last are on
+    /// their way; unless it is the `last` one, there are projections before update_rows().
+    virtual ScratchPlaces room_for_splats(const CameraParams<float>&, std::size_t /*splats*/, std::size_t /*placed*/,
+                                          bool /*first*/, bool /*last*/) {
+        return {};
     }
     /// Does what order_on_host() says, where the arrays lie.
     virtual void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,

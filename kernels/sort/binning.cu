@@ -303,9 +303,10 @@ void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity,
     gaussians_ = c.take<std::uint32_t>(capacity);
 }
 
-void CudaBinning::take_temporaries(Carver& c) {
+std::size_t CudaBinning::take_temporaries(Carver& c) {
     input_.depth_keys = c.take<std::uint32_t>(n_);
     input_.spans = c.take<TileSpan>(n_);
+    const std::size_t end_of_input = c.at();
     large_ = c.take<uint2>(n_);
     if (!keep_slots_) order_ = c.take<std::uint32_t>(n_);
     const DigitPlan tiles = tile_plan();
@@ -314,6 +315,7 @@ void CudaBinning::take_temporaries(Carver& c) {
     other_ = c.take<std::uint32_t>(capacity_);
     counts_ = nullptr;
     counts_ = c.take<std::uint32_t>(counts_for(capacity_).words);
+    return end_of_input;
 }
 
 /// Returns where counts and sums lie for a sort of so many instances.

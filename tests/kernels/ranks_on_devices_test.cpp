@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ranks whose arrays lie on a device do what ranks on hosts do, to the bit, whichever way the arrays take. The device
 // is memory of the host, so that the CPU backend computes on it, and NCCL is fake_nccl.
+#include <algorithm>
 #include <cstdlib>
 
 #include "appearance/sh/sh.h"
@@ -17,16 +18,22 @@ class BackendOnDevice final : public CpuBackend<appearance::Sh> {
   public:
     BackendOnDevice() : CpuBackend({}) {}
     RankDevice* device() override { return &device_; }
-    /// Returns one place for all views in turn, like a scratch block: each view loses what lay there.
-    std::byte* room_for_splats(const CameraParams<float>&, std::size_t splats, std::size_t placed) override {
-        EXPECT_LE(placed, splats);
-        place_.assign(placed * sizeof(WireSplat), std::byte(0xff));
-        return placed > 0 ? place_.data() : nullptr;
+    /// Returns the same places for all views in turn, like a scratch block: each view loses what lay there.
+    ScratchPlaces room_for_splats(const CameraParams<float>&, std::size_t, std::size_t placed, bool, bool) override {
+        splats_.assign(placed * sizeof(WireSplat), std::byte(0xff));
+        sums_.assign(placed * sizeof(SplatSums<float>), std::byte(0xff));
+        if (placed == 0) return {};
+        return {splats_.data(), sums_.data()};
+    }
+    /// Afterwards nothing needs the splats that lie in their place.
+    void judge(const RankArray<ViewReport>& reports) override {
+        std::fill(splats_.begin(), splats_.end(), std::byte(0xff));
+        CpuBackend::judge(reports);
     }
 
   private:
     FakeDevice device_;
-    std::vector<std::byte> place_;
+    std::vector<std::byte> splats_, sums_;
 };
 
 enum class Way { kHosts, kThroughHosts, kNccl };
