@@ -283,7 +283,8 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         shared.resize(shared_row(shared.size()));
         shared_gradient.assign(shared);
     }
-    void update_shared_weights(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients) override {
+    void update_shared_weights(const std::vector<StepRequest>& views,
+                               const RankArray<float>& shared_gradients) override {
         if (verdict_ != Verdict::kTake) return;
         std::vector<float> shared(kNumSharedOf<Model>);
         if (const int row = int(shared_row(shared.size())); row > 0)
@@ -590,7 +591,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     struct {
         CameraParams<float> camera;
         RenderMode mode;
-    } projection_{};                    ///< that was begun
+    } projection_{};  ///< that was begun
     std::deque<std::vector<ViewReport>> unread_reports_;
     Verdict verdict_ = Verdict::kTake;  ///< on the last step
     std::vector<WireSplat> joined_;     ///< of a view, from all ranks

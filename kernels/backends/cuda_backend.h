@@ -72,8 +72,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
     void end_projection(ProjectedView& out, ViewReport* report) override;
     void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) override;
-    ScratchPlaces room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed,
-                                  bool first, bool last) override;
+    ScratchPlaces room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed, bool first,
+                                  bool last) override;
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
                        RankArray<WireSplat>& out) override;
     void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
@@ -94,7 +94,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
                      const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                      RankArray<float>& shared_gradient) override;
-    void update_shared_weights(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients) override;
+    void update_shared_weights(const std::vector<StepRequest>& views,
+                               const RankArray<float>& shared_gradients) override;
     void update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) override;
     LeftOut take_nonfinite() override;
     void keep_rows(const std::vector<std::uint32_t>& rows) override;
@@ -135,7 +136,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         Layout layout = Layout::kFrame;
         std::int64_t n = 0, capacity = 0;
         int width = 0, height = 0;
-        std::int64_t placed = 0;    ///< splats that lie in the block in wire format, and later their sums
+        std::int64_t placed = 0;  ///< splats that lie in the block in wire format, and later their sums
         std::size_t splats_from = 0, sums_from = 0;  ///< the least places of these in bytes
         bool operator==(const Sizes&) const = default;
     };

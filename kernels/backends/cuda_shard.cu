@@ -35,7 +35,8 @@ __global__ void __launch_bounds__(kSharedBlock)
 /// Adds its loss to the report on a view.
 __global__ void report_view(const StepControl* __restrict__ control, float lambda_dssim, double weight_sum,
                             ViewReport* __restrict__ out) {
-    out->loss = loss_of_sums(control->l1, control->ssim, lambda_dssim, weight_sum, std::int64_t(control->num_instances));
+    out->loss =
+        loss_of_sums(control->l1, control->ssim, lambda_dssim, weight_sum, std::int64_t(control->num_instances));
     out->lacks_instances = control->stopped;
 }
 
@@ -96,8 +97,8 @@ void CudaBackend::end_projection(ProjectedView& out, std::size_t room, ViewRepor
         return;
     }
     if (wire_.for_step) {
-        to.places = out.places.resize(std::size_t(model_.count));
-        GS_CUDA(cudaMemsetAsync(to.places, 0xff, std::size_t(model_.count) * sizeof *to.places, stream_));
+        to.places = out.places.resize(num_blocks(model_.count, 32));
+        GS_CUDA(cudaMemsetAsync(to.places, 0, out.places.size() * sizeof *to.places, stream_));
     } else {
         to.rows = out.rows.resize(room);
     }
@@ -339,7 +340,8 @@ bool learns_correction(const CudaPpisp& ppisp, const std::vector<StepRequest>& v
 
 }  // namespace
 
-void CudaBackend::update_shared_weights(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients) {
+void CudaBackend::update_shared_weights(const std::vector<StepRequest>& views,
+                                        const RankArray<float>& shared_gradients) {
     const int n = kernels_.shared.count;
     if (n == 0) return;
     const UpdateArgs args = update_args(views[0], meta_.step, 1, int(views.size()));

@@ -498,7 +498,9 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
     float* gradients = space.gradients;
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     bool moves = valid && !arrays.last_step, any = false, finite = true;
-    for (int v = 0; v < num_views; ++v) moves |= valid && views[v].places[i] != kNowhere;
+    // No row beyond the last is shown.
+    const std::int64_t group = i / 32;
+    for (int v = 0; v < num_views && i - lane < a.params.count; ++v) moves |= views[v].places[group].shows(lane);
     // A warp of which nothing moves has nothing to read.
     const unsigned moving = __ballot_sync(~0u, owns && moves);
     const unsigned rows = __popc(moving) >= kManyVisible ? __ballot_sync(~0u, owns) : moving;
@@ -511,8 +513,9 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
     GaussianGradient<float> mean{};
     for (int v = 0; v < views_of_warp; ++v) {
         const StepView& view = views[v];
-        const std::uint32_t place = valid ? view.places[i] : kNowhere;
-        const bool visible = place != kNowhere, shown = owns && visible;
+        const SplatPlaces places = view.places[group];
+        const bool visible = places.shows(lane), shown = owns && visible;
+        const std::uint32_t place = places.place(lane);
         // Gradients are linear in the sums.
         const auto sums = [&] { return view.sums[place] * (1 / float(num_views)); };
         GaussianGradient<float> gradient{};

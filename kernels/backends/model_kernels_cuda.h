@@ -46,7 +46,7 @@ struct PreprocessArgs {
 /// A view of a step on several, whose sums may come from another rank. The pointers are on the device.
 struct StepView {
     CameraParams<float> camera;
-    const std::uint32_t* places;  ///< (n) of each Gaussian in `sums`; kNowhere if it was not visible
+    const SplatPlaces* places;  ///< (n / 32, rounded up) of the Gaussians in `sums`
     const SplatSums<float>* sums;
 };
 
@@ -61,8 +61,8 @@ struct ModelKernels {
     void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&,
                    const UpdateArgs&, StepControl*, cudaStream_t);
     /// Takes step `step` on the mean gradient of several views if *verdict says so, and adds each view to the statistic
-    /// of ADC. Writes the sums of the shared weights' gradients of all views together. Adds the Gaussians with a gradient
-    /// that is left out to *num_nonfinite.
+    /// of ADC. Writes the sums of the shared weights' gradients of all views together. Adds the Gaussians with a
+    /// gradient that is left out to *num_nonfinite.
     void (*step_on_views)(const PreprocessArgs&, const StepView* views, int num_views, const ModelArrays&,
                           const UpdateArgs&, std::uint32_t step, const Verdict* verdict, unsigned* num_nonfinite,
                           cudaStream_t);

@@ -38,12 +38,21 @@ __global__ void __launch_bounds__(kWireBlock)
     const std::int64_t k = wire_index();
     if (k == 0 && out.report) *out.report = {{}, *num, *num > out.room, 0};
     WireSplat wire{};
-    if (k < *num && k < out.room) {
+    const bool exists = k < *num && k < out.room;
+    const unsigned existing = __ballot_sync(~0u, exists);
+    if (exists) {
         const std::uint32_t row = rows[k];
         const PackedSplat splat = splats[row];
         wire = WireSplat::of(splat.splat(), splat.bounds(), camera_point(params.mean(row), camera).z);
         if (out.rows) out.rows[k] = row;
-        if (out.places) out.places[row] = std::uint32_t(k);
+        if (out.places) {
+            const std::uint32_t group = row / 32;
+            const unsigned lanes = __match_any_sync(existing, group);
+            const unsigned shown = __reduce_or_sync(lanes, 1u << (row % 32));
+            // Rows ascend, so that a group ends in this warp or goes on in the next.
+            if (int(threadIdx.x % 32) == __ffs(lanes) - 1) atomicOr(&out.places[group].shown, shown);
+            if (k == 0 || rows[k - 1] / 32 != group) out.places[group].first = std::uint32_t(k);
+        }
     }
     write_in_a_row(out.splats + (k - threadIdx.x), num_of_block(out.room), wire);
 }

@@ -16,9 +16,9 @@ namespace gs {
 
 /// Room for the splats of a view on the device.
 struct WireSplats {
-    WireSplat* splats;      ///< (room)
-    std::uint32_t* rows;    ///< (room) rows of the splats, or null
-    std::uint32_t* places;  ///< (n) splats of the rows, kNowhere before; or null
+    WireSplat* splats;    ///< (room)
+    std::uint32_t* rows;  ///< (room) rows of the splats, or null
+    SplatPlaces* places;  ///< (n / 32, rounded up) of the rows, 0 before; or null
     std::int64_t room;
     ViewReport* report;  ///< null: nobody asks
 };

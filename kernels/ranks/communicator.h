@@ -51,8 +51,8 @@ class DeviceLink {
     /// Names it: "NCCL 2.28.3".
     virtual std::string name() const = 0;
     /// Begins to send out[k] to every other rank k modulo their number and to receive in[k] from it, all of them on
-    /// `device`, after what it marked last and after earlier transfers. NCCL is fast where arrays begin at multiples of 16 bytes. Throws
-    /// DeviceError when the connection has failed or was ended.
+    /// `device`, after what it marked last and after earlier transfers. NCCL is fast where arrays begin at multiples of
+    /// 16 bytes. Throws DeviceError when the connection has failed or was ended.
     virtual void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) = 0;
     /// Waits until all transfers are on the device's stream for them, which does not take other ranks once all are
     /// connected. Throws DeviceError like begin().

@@ -39,7 +39,8 @@ void keep_pixels(StepRequest& request) {
     request.pixels = kept;
 }
 
-/// Returns the number of values that an array of so many takes, so that others begin at multiples of 16 bytes behind it.
+/// Returns the number of values that an array of so many takes, so that others begin at multiples of 16 bytes behind
+/// it.
 std::size_t with_alignment(std::size_t num) {
     static_assert(4 * sizeof(WireSplat) % 16 == 0 && 4 * sizeof(SplatSums<float>) % 16 == 0);
     return (num + 3) / 4 * 4;
@@ -124,8 +125,7 @@ void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<S
     }
 }
 
-template <class Fn>
-void RankWorker::for_places(const std::vector<ShownView>& views, std::size_t first, Fn&& fn) {
+template <class Fn> void RankWorker::for_places(const std::vector<ShownView>& views, std::size_t first, Fn&& fn) {
     const std::size_t num_ranks = received_.size(), own = rank_after(0), mine = first + own,
                       end = std::min(first + num_ranks, views.size());
     const bool renders = mine < end, projects_more = end < views.size();
@@ -147,7 +147,8 @@ void RankWorker::choose_places(const std::vector<ShownView>& views, std::size_t 
         std::size_t splats = 0, placed = 0;
         for (std::size_t r = 0; r < num_ranks; ++r) splats += room(views[mine].id, r);
         for_places(views, first, [&](const auto&, std::size_t room) { placed += with_alignment(room); });
-        places_ = shard_.room_for_splats(views[mine].camera, splats, placed, first == 0, first + num_ranks >= views.size());
+        places_ =
+            shard_.room_for_splats(views[mine].camera, splats, placed, first == 0, first + num_ranks >= views.size());
     }
     for_places(views, first, one_after_another<WireSplat>(places_.splats));
 }
@@ -402,7 +403,8 @@ void RankWorker::note_reports(const std::vector<StepRequest>& views, const std::
         for (std::size_t k = 0; k < views.size(); ++k) {
             const std::size_t r = k % num_ranks;
             const ViewReport& report = reports[r * views.size() + k];
-            if ((report.lacks_instances != 0) == lacks) shard_.note_view(views[k].target.id, report, r == rank_after(0));
+            if ((report.lacks_instances != 0) == lacks)
+                shard_.note_view(views[k].target.id, report, r == rank_after(0));
         }
     std::vector<std::uint64_t> shares(views.size());
     for (std::size_t k = 0; k < views.size() && makes_rooms_; ++k) {

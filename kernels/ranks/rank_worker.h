@@ -125,18 +125,20 @@ class RankWorker {
     /// Decides where the splats of the views from `first` on will lie, one for each rank, and where their sums: in a
     /// step in scratch memory as far as nothing else needs it meanwhile, or else in memory of their own.
     void choose_places(const std::vector<ShownView>& views, std::size_t first, bool foreseen);
-    /// Calls fn(array, room) for the splats of the same views: for those that scratch memory can have with their number,
-    /// or else with 0.
+    /// Calls fn(array, room) for the splats of the same views: for those that scratch memory can have with their
+    /// number, or else with 0.
     template <class Fn> void for_places(const std::vector<ShownView>& views, std::size_t first, Fn&& fn);
     /// Projects the views from `first` on, one for each rank or until `views` end, and brings those of the view that
     /// this rank renders to splats_.
     void gather_splats(const std::vector<ShownView>& views, std::size_t first);
-    /// Sets sums.parts for the view that this rank renders, of those from `first` on, and lets sums lie in their places.
-    template <class Sum> void place_sums(const std::vector<ShownView>& views, std::size_t first, SumsOfViews<Sum>& sums);
+    /// Sets sums.parts for the view that this rank renders, of those from `first` on, and lets sums lie in their
+    /// places.
+    template <class Sum>
+    void place_sums(const std::vector<ShownView>& views, std::size_t first, SumsOfViews<Sum>& sums);
     /// Begins to bring the sums of the views from `first` on to the ranks that have the splats, and with the last ones
     /// of a step its reports to all.
-    template <class Sum> void scatter_sums(std::size_t first, const std::vector<ShownView>& views,
-                                           SumsOfViews<Sum>& sums);
+    template <class Sum>
+    void scatter_sums(std::size_t first, const std::vector<ShownView>& views, SumsOfViews<Sum>& sums);
     /// Sorts splats_ by their rows in the whole model. All ranks call it, with the view that each of the ranks from 0
     /// on renders.
     void order_by_rows(std::size_t first_view, std::size_t num_views);
@@ -170,19 +172,19 @@ class RankWorker {
     std::size_t isp_size_ = 0;  ///< values of PPISP
     const bool makes_rooms_;    ///< for splats of steps, so that nobody waits for their number
     SplatRooms rooms_;
-    std::vector<ProjectedView> projected_;           ///< per view: the rank's splats
-    std::vector<RankArray<WireSplat>> received_;     ///< by rank: splats of the view that is rendered, from the others
-    SplatParts splats_;                              ///< of the view that is rendered
-    RankArray<WireSplat> ordered_;                   ///< these, by their rows in the whole model
-    SumsOfViews<SplatSums<float>> sums_;             ///< of a step, in the memory of the splats or in scratch memory
-    ScratchPlaces places_;                           ///< of the views that are rendered
+    std::vector<ProjectedView> projected_;        ///< per view: the rank's splats
+    std::vector<RankArray<WireSplat>> received_;  ///< by rank: splats of the view that is rendered, from the others
+    SplatParts splats_;                           ///< of the view that is rendered
+    RankArray<WireSplat> ordered_;                ///< these, by their rows in the whole model
+    SumsOfViews<SplatSums<float>> sums_;          ///< of a step, in the memory of the splats or in scratch memory
+    ScratchPlaces places_;                        ///< of the views that are rendered
     RankArray<ViewReport> reports_, reports_of_all_ranks_;  ///< on the views of a step, (ranks, views)
-    RankArray<float> shared_, shared_of_all_ranks_;  ///< gradients of the shared weights, (ranks, shared_row())
-    bool is_incomplete_ = false;                     ///< the last step waits for complete_step()
-    std::deque<std::vector<StepRequest>> unread_;    ///< views of the steps whose judgements were not read, in order
+    RankArray<float> shared_, shared_of_all_ranks_;         ///< gradients of the shared weights, (ranks, shared_row())
+    bool is_incomplete_ = false;                            ///< the last step waits for complete_step()
+    std::deque<std::vector<StepRequest>> unread_;  ///< views of the steps whose judgements were not read, in order
     StepStats stats_;
-    std::vector<float> isp_gradient_;                ///< by PPISP, of the step
-    double splats_sent_ = 0;                         ///< to other ranks, since the beginning
+    std::vector<float> isp_gradient_;  ///< by PPISP, of the step
+    double splats_sent_ = 0;           ///< to other ranks, since the beginning
     RankCosts costs_;
 };
 

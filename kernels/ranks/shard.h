@@ -21,8 +21,8 @@ struct ProjectedView {
     explicit ProjectedView(RankDevice* device = nullptr) : splats(device), rows(device), places(device) {}
 
     RankArray<WireSplat> splats;
-    RankArray<std::uint32_t> rows;    ///< of the splats, but not of a step's on a device
-    RankArray<std::uint32_t> places;  ///< of a step's on a device: (Gaussians) the splat of each, kNowhere if none
+    RankArray<std::uint32_t> rows;       ///< of the splats, but not of a step's on a device
+    RankArray<SplatPlaces> places;       ///< of a step's on a device: (Gaussians / 32, rounded up)
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
 
@@ -164,7 +164,8 @@ class Shard {
                              RankArray<float>& shared_gradient) = 0;
     /// Takes the step of the shared weights after update_rows(), on the same condition. `shared_gradients` (ranks,
     /// shared_row()) are those of all ranks, which are added up in their order.
-    virtual void update_shared_weights(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients) = 0;
+    virtual void update_shared_weights(const std::vector<StepRequest>& views,
+                                       const RankArray<float>& shared_gradients) = 0;
     /// Takes the step of PPISP, or only counts it where the step was skipped. `gradient` is that of all ranks.
     virtual void update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) = 0;
     /// Returns what was left out since the last call.

@@ -30,9 +30,10 @@ GS_HD ViewLoss loss_of_sums(double l1, double ssim, float lambda_dssim, double w
 /// splats it has there.
 struct ViewReport {
     ViewLoss loss;
-    std::int64_t num_splats = 0;      ///< of the rank's own Gaussians, also where there was less room
-    std::uint32_t lacks_splats = 0;   ///< whether there was too little room for them
-    std::uint32_t lacks_instances = 0;  ///< whether there was too little room for instances; the loss means nothing then
+    std::int64_t num_splats = 0;     ///< of the rank's own Gaussians, also where there was less room
+    std::uint32_t lacks_splats = 0;  ///< whether there was too little room for them
+    std::uint32_t lacks_instances =
+        0;  ///< whether there was too little room for instances; the loss means nothing then
 };
 static_assert(sizeof(ViewReport) % 16 == 0, "reports travel between devices");
 

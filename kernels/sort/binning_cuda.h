@@ -39,8 +39,8 @@ class CudaBinning {
     void take_counts(Carver& c, std::int64_t n) { input_ = {.counts = c.take<std::uint32_t>(n)}; }
     /// Takes the buffers that outlive binning.
     void take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height, bool keep_slots);
-    /// Takes the rest of `input`, and then the buffers that only binning uses. Returns where the latter begin, which are
-    /// not written before build().
+    /// Takes the rest of `input`, and then the buffers that only binning uses. Returns where the latter begin, which
+    /// are not written before build().
     std::size_t take_temporaries(Carver& c);
 
     const CudaBinningInput& input() const { return input_; }

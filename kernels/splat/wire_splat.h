@@ -9,8 +9,19 @@
 
 namespace gs {
 
-/// The row of a splat that only fills an array, and the place of one that is not there.
+/// The row of a splat that only fills an array.
 inline constexpr std::uint32_t kNowhere = 0xffffffff;
+
+/// Which of 32 Gaussians in a row have a splat in a view, one bit each, and the place of the first of these splats. The
+/// others follow it.
+struct SplatPlaces {
+    std::uint32_t shown, first;
+
+    GS_HD bool shows(unsigned k) const { return shown >> k & 1; }
+#if defined(__CUDACC__)
+    __device__ std::uint32_t place(unsigned k) const { return first + unsigned(__popc(shown & ((1u << k) - 1))); }
+#endif
+};
 
 /// The largest side of an image in pixels whose splats can be sent.
 inline constexpr int kMaxWireSide = 0xffff;
