@@ -499,7 +499,7 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     bool moves = valid && !arrays.last_step, any = false, finite = true;
     // No row beyond the last is shown.
-    const std::int64_t group = i / 32;
+    const unsigned group = unsigned(i / 32);
     for (int v = 0; v < num_views && i - lane < a.params.count; ++v) moves |= views[v].places[group].shows(lane);
     // A warp of which nothing moves has nothing to read.
     const unsigned moving = __ballot_sync(~0u, owns && moves);
@@ -515,7 +515,7 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
         const StepView& view = views[v];
         const SplatPlaces places = view.places[group];
         const bool visible = places.shows(lane), shown = owns && visible;
-        const std::uint32_t place = places.place(lane);
+        const std::uint32_t place = visible ? places.place(lane) : 0;
         // Gradients are linear in the sums.
         const auto sums = [&] { return view.sums[place] * (1 / float(num_views)); };
         GaussianGradient<float> gradient{};
