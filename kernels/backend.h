@@ -68,7 +68,7 @@ class Backend {
         for (std::size_t k = 0; k < views.size(); ++k) render(views[k], out[k]);
     }
     /// Takes one optimizer step on one view. It may return before the step is done; the memory that `request` points to
-    /// is free again on return, but what it keeps by itself (StepRequest::pixels).
+    /// is free again on return, except what it keeps by itself (StepRequest::pixels).
     virtual void step(const StepRequest& request) = 0;
     /// Takes one optimizer step of the controller of the view's camera; everything else is frozen. The loss is that of
     /// the view as the controller corrects it, without opacity, scale and PPISP terms. Needs a model with controllers.

@@ -164,7 +164,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) override {
         ProjectedView all;
         end_projection(all, report);
-        report->lacks_splats = all.splats.size() > room;
+        if (report) report->lacks_splats = all.splats.size() > room;
         const auto fit = [room](const auto& from, auto& to, auto filler) {
             const auto values = from.values().first(std::min(from.size(), room));
             auto* const begin = to.resize(room);

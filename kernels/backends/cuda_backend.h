@@ -252,8 +252,11 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         std::int64_t placed = 0;  ///< of the view that is rendered next, as in Sizes
         std::size_t splats_from = 0, sums_from = 0, sums_end = 0;
         DeviceBuffer<StepView> views;
-        DeviceBuffer<SplatsOfRank> parts;       ///< of a view whose splats are put in order
-        std::vector<StepView> host_views;       ///< stays as it is while the device is at work
+        DeviceBuffer<SplatsOfRank> parts;  ///< of a view whose splats are put in order
+        /// The last steps', since they must stay while they are copied. What was enqueued before a judgement that was
+        /// read is done, and that is one of the last two.
+        std::vector<StepView> host_views[kInFlight];
+        int next_views = 0;
         DeviceBuffer<unsigned> left_out;        ///< since take_nonfinite(): Gaussians' gradients, shared weights'
         std::int64_t corrections_left_out = 0;  ///< steps of PPISP, in the same time
         std::int64_t num_gaussians = 0;         ///< of all ranks, in the last step

@@ -32,7 +32,7 @@ __global__ void __launch_bounds__(kSharedBlock)
     if (!update_shared(param[k], m[k], v[k], gradient, step, gains)) atomicAdd(left_out, 1u);
 }
 
-/// Adds its loss to the report on a view.
+/// Adds the loss of a view to the report on it.
 __global__ void report_view(const StepControl* __restrict__ control, float lambda_dssim, double weight_sum,
                             ViewReport* __restrict__ out) {
     out->loss =
@@ -211,6 +211,7 @@ void CudaBackend::take_back(std::int64_t num_views) {
     wire_.is_updating = false;
     while (!wire_.unread.empty()) read_reports();
     GS_CUDA(cudaMemsetAsync(wire_.verdict.get(), 0, sizeof(Verdict), stream_));
+    GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
     meta_.step -= num_views;
     lazy_.reset(meta_.step);
 }
@@ -313,7 +314,8 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     if (n == 0) return;
     // It ends before the sums that lie in the scratch block (room_for_splats).
     if (num_shared > 0) lay_out({.layout = Layout::kSharedSums, .n = n});
-    std::vector<StepView>& step_views = wire_.host_views;
+    std::vector<StepView>& step_views = wire_.host_views[wire_.next_views];
+    wire_.next_views = (wire_.next_views + 1) % kInFlight;
     step_views.clear();
     for (std::size_t v = 0; v < views.size(); ++v)
         step_views.push_back({views[v].camera, projected[v].places.data(), sums[v].data()});

@@ -470,11 +470,11 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
 template <class Model> constexpr int views_block() { return kNumSharedOf<Model> == 0 ? 64 : 128; }
 template <class Model> constexpr int views_blocks_at_once() { return kNumSharedOf<Model> == 0 ? 8 : 4; }
 
-/// Computes the mean gradients of the views, and takes the optimizer's step on them if *verdict says so. No residual is
-/// behind. Adds each
-/// view to the statistic of ADC. Leaves out what is not finite: of a view the gradients of geometry and colour, and if
-/// the sum over the views is not finite, all of the Gaussian. Adds to *num_nonfinite the Gaussians of which something
-/// is left out. The sums of the shared weights' gradients are those of all views together.
+/// Computes the mean gradients of the views, and takes the optimizer's step on them. Does nothing unless *verdict is to
+/// take it. No residual is behind. Adds each view to the statistic of ADC. Leaves out what is not finite: of a view the
+/// gradients of geometry and colour, and if the sum over the views is not finite, all of the Gaussian. Adds to
+/// *num_nonfinite the Gaussians of which something is left out. The sums of the shared weights' gradients are those of
+/// all views together.
 template <class Model>
 __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Model>())
     step_on_views(PreprocessArgs a, const StepView* __restrict__ views, int num_views, ModelArrays arrays,

@@ -39,8 +39,8 @@ class CudaImages {
     CudaImages(std::int64_t budget, int slots);
     ~CudaImages();
 
-    /// Starts the upload unless the image is on the device, and lets `stream` wait for it. The last step of `slot` must
-    /// be done. The result stays valid until `slot` is used again.
+    /// Starts the upload unless the image is on the device, and lets `stream` wait for it. What reads the last image
+    /// of `slot` must be done. The result stays valid until `slot` is used again.
     DeviceTarget get(const TargetImage& target, int slot, cudaStream_t stream);
 
     /// A part of the kept images' memory, about `bytes` where they take that much, which is free while the loan lives.

@@ -325,9 +325,10 @@ void RankWorker::render(const std::vector<RenderRequest>& views, std::vector<Ren
 
 void RankWorker::step(std::vector<StepRequest> views) {
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
-    for (std::size_t k = rank_after(0); k < views.size(); k += received_.size()) keep_pixels(views[k]);
     const std::size_t most_unread = makes_rooms_ && !corrects(views) ? 1 : 0;
     while (unread_.size() > most_unread) read_judgement();  // the host takes the step of PPISP
+    for (std::size_t k = rank_after(0); most_unread > 0 && k < views.size(); k += received_.size())
+        keep_pixels(views[k]);
     begin_step(std::move(views));
     while (unread_.size() > most_unread) read_judgement();
 }
@@ -386,8 +387,8 @@ void RankWorker::read_judgement() {
     }
     ++stats_.steps;
     stats_.consecutive_skips = taken ? 0 : stats_.consecutive_skips + 1;
+    if (unread_.size() == 1) complete_step();  // it is the last step, which leaves the list
     if (corrects(views)) {
-        complete_step();
         if (taken) {
             for (float& gradient : isp_gradient_) gradient *= float(mean);
             sum_over_ranks(ranks_, isp_gradient_);

@@ -17,7 +17,7 @@
 
 namespace gs {
 
-/// Brings the pixels of a step's target.
+/// Brings the pixels of a step's target. They stay as long as the request, by StepRequest::pixels or otherwise.
 using TargetSource = std::function<void(StepRequest& request)>;
 
 /// What the steps of a rank have cost since the last look.
@@ -63,7 +63,7 @@ class RankWorker {
     void render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out);
     /// Takes a step; view k is rendered by rank k modulo their number. Where devices know the room that splats need,
     /// and PPISP does not learn, they judge for themselves whether the step is taken, and its judgement is read in the
-    /// next step, or by finish_steps(). The pixels of the targets must stay until then.
+    /// next step, or by finish_steps().
     void step(std::vector<StepRequest> views);
     /// Lets the last step take what it waits for from other ranks, if anything.
     void complete_step();

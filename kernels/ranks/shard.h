@@ -135,8 +135,8 @@ class Shard {
     virtual void judge(const RankArray<ViewReport>& reports) = 0;
     /// Waits for the oldest judgement that was not read yet, and returns the reports that it is made on.
     virtual std::vector<ViewReport> read_reports() = 0;
-    /// Notes what was reported on a training view: there is room for its instances then where this rank rendered it, as
-    /// it may do the next time in any case.
+    /// Notes what was reported on a training view, which any rank may render next. Where this rank rendered it there is
+    /// room for its instances then.
     virtual void note_view(std::int64_t /*id*/, const ViewReport&, bool /*rendered_here*/) {}
     /// Takes back the counts of the steps from the oldest on that has to be repeated, on `num_views` views together.
     virtual void take_back(std::int64_t num_views) = 0;

@@ -3,15 +3,12 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <span>
 
 #include "kernels/core/portable.h"
 
 namespace gs {
-
-using std::isfinite;
 
 /// The loss of one view and its parts.
 struct ViewLoss {
@@ -30,14 +27,13 @@ GS_HD ViewLoss loss_of_sums(double l1, double ssim, float lambda_dssim, double w
 /// splats it has there.
 struct ViewReport {
     ViewLoss loss;
-    std::int64_t num_splats = 0;     ///< of the rank's own Gaussians, also where there was less room
-    std::uint32_t lacks_splats = 0;  ///< whether there was too little room for them
-    std::uint32_t lacks_instances =
-        0;  ///< whether there was too little room for instances; the loss means nothing then
+    std::int64_t num_splats = 0;  ///< of the rank's own Gaussians, also where there was less room
+    // Whether there was too little room for these splats, and for instances. The loss means nothing in the latter case.
+    std::uint32_t lacks_splats = 0, lacks_instances = 0;
 };
 static_assert(sizeof(ViewReport) % 16 == 0, "reports travel between devices");
 
-/// What becomes of a step: by all reports on its views, the last of these that one of them asks for.
+/// What becomes of a step: the last of these in this order that a report on its views asks for.
 enum class Verdict : std::uint32_t {
     kTake,
     kSkip,   ///< a loss is not finite
@@ -46,7 +42,7 @@ enum class Verdict : std::uint32_t {
 
 GS_HD Verdict verdict_on(const ViewReport& report) {
     if (report.lacks_splats || report.lacks_instances) return Verdict::kRepeat;
-    return isfinite(report.loss.loss) ? Verdict::kTake : Verdict::kSkip;
+    return gs_isfinite(report.loss.loss) ? Verdict::kTake : Verdict::kSkip;
 }
 
 inline Verdict verdict_on(std::span<const ViewReport> reports) {

@@ -12,8 +12,8 @@ namespace gs {
 /// The row of a splat that only fills an array.
 inline constexpr std::uint32_t kNowhere = 0xffffffff;
 
-/// Which of 32 Gaussians in a row have a splat in a view, one bit each, and the place of the first of these splats. The
-/// others follow it.
+/// The places of the splats of 32 Gaussians in a row in a view: a bit for each Gaussian that has one, and the place of
+/// the first. The others follow it.
 struct SplatPlaces {
     std::uint32_t shown, first;
 

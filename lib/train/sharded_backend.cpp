@@ -36,7 +36,6 @@ void hold_once(RankTeam& team, MessageReader begin) {
         TargetImage& target = request.target;
         target.width = image.width, target.height = image.height, target.channels = image.channels;
         target.u8 = image.u8.data();
-        request.pixels = {std::shared_ptr<const void>(), image.u8.data()};  // they outlive the steps
     });
 }
 

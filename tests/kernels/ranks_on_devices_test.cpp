@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "appearance/neural/neural.h"
 #include "appearance/sh/sh.h"
 #include "kernels/backends/cpu_backend.h"
 #include "kernels/ranks/connect_devices.h"
@@ -14,9 +15,9 @@
 namespace gs::test {
 namespace {
 
-class BackendOnDevice final : public CpuBackend<appearance::Sh> {
+template <class Model> class BackendOnDevice final : public CpuBackend<Model> {
   public:
-    BackendOnDevice() : CpuBackend({}) {}
+    BackendOnDevice() : CpuBackend<Model>({}) {}
     RankDevice* device() override { return &device_; }
     /// Returns the same places for all views in turn, like a scratch block: each view loses what lay there.
     ScratchPlaces room_for_splats(const CameraParams<float>&, std::size_t, std::size_t placed, bool, bool) override {
@@ -28,7 +29,7 @@ class BackendOnDevice final : public CpuBackend<appearance::Sh> {
     /// Afterwards nothing needs the splats that lie in their place.
     void judge(const RankArray<ViewReport>& reports) override {
         std::fill(splats_.begin(), splats_.end(), std::byte(0xff));
-        CpuBackend::judge(reports);
+        CpuBackend<Model>::judge(reports);
     }
 
   private:
@@ -59,7 +60,7 @@ Results results(const RankViews& views, int size, Way way, bool in_a_row) {
         if (way == Way::kHosts)
             own = make_cpu_backend(views.model.appearance);
         else
-            own = std::make_unique<BackendOnDevice>();
+            own = std::make_unique<BackendOnDevice<appearance::Sh>>();
         if (ranks.rank() > 0) return follow(ranks, *own, in_a_row ? targets_in_a_row(views) : views.targets());
         RankedBackend backend(ranks, std::move(own), kViews);
         found.model = in_a_row ? train_in_a_row(views, backend) : train_with_noise(views, backend);
@@ -132,6 +133,46 @@ TEST(RanksOnDevices, ComputeWhatRanksOnHostsCompute) {
         }
     }
     ::unsetenv("GSAPP_NCCL");
+}
+
+/// Gradients of shared weights may come when the next step is asked for. Steps that have to be repeated, and others
+/// that need to know what became of the last one, must not forget it before.
+TEST(RanksOnDevices, EndStepsOfSharedWeightsBeforeTheyForgetThem) {
+#ifdef FAKE_NCCL_LIBRARY
+    ::setenv("GSAPP_NCCL", FAKE_NCCL_LIBRARY, 1);
+    const RankViews views(appearance_model("neural"));
+    const auto train = [&](int size, bool by_nccl) {
+        Gaussians after;
+        on_ranks(size, [&](Communicator& ranks) {
+            if (by_nccl) {
+                EXPECT_EQ(connect_devices(ranks, std::to_string(ranks.rank())), "");
+            }
+            std::unique_ptr<Backend> own;
+            if (by_nccl)
+                own = std::make_unique<BackendOnDevice<appearance::Neural>>();
+            else
+                own = make_cpu_backend(views.model.appearance);
+            if (ranks.rank() > 0) return follow(ranks, *own, views.targets());
+            RankedBackend backend(ranks, std::move(own), kViews);
+            backend.upload(views.model);
+            for (int k = 0; k < 5; ++k) {
+                auto steps = views.steps();  // at first there is too little room
+                for (StepRequest& step : steps) step.iteration = k, step.isp_rate = k < 3 ? 0 : 1e-3;
+                backend.step_on(steps);
+            }
+            after = backend.download(true);
+        });
+        return after;
+    };
+    for (const int size : {1, 2}) {
+        SCOPED_TRACE(std::to_string(size) + " ranks");
+        Gaussians hosts = train(size, false), devices = train(size, true);
+        expect_equal(hosts, devices);
+    }
+    ::unsetenv("GSAPP_NCCL");
+#else
+    GTEST_SKIP() << "built without NCCL's header";
+#endif
 }
 
 }  // namespace
