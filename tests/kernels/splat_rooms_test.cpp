@@ -11,10 +11,10 @@ std::uint64_t share(double of_all) { return SplatRooms::share(std::uint64_t(of_a
 TEST(SplatRooms, HoldWhatTheViewHadAndALittleMore) {
     SplatRooms rooms;
     rooms.note(3, share(0.5));
-    EXPECT_GE(rooms.room(3, 1000), 520u);
-    EXPECT_LE(rooms.room(3, 1000), 560u);
+    EXPECT_GE(rooms.room(3, 1000), 562u) << "an eighth";
+    EXPECT_LE(rooms.room(3, 1000), 579u);
     rooms.note(3, share(0.1));
-    EXPECT_LE(rooms.room(3, 1000), 125u) << "it follows the training";
+    EXPECT_LE(rooms.room(3, 1000), 129u) << "it follows the training";
 }
 
 TEST(SplatRooms, TakeOtherViewsForThoseThatTheyDoNotKnow) {
@@ -24,7 +24,7 @@ TEST(SplatRooms, TakeOtherViewsForThoseThatTheyDoNotKnow) {
     for (const std::int64_t view : {-1, 0}) EXPECT_GE(rooms.room(view, 1000), 800u);
     rooms.note(-1, share(0.9));
     EXPECT_GE(rooms.room(-1, 1000), 900u);
-    EXPECT_LE(rooms.room(7, 1000), 870u);
+    EXPECT_LE(rooms.room(7, 1000), 917u);
 }
 
 TEST(SplatRooms, AreNeverMoreThanThereAreRows) {
