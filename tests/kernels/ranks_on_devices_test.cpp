@@ -20,7 +20,13 @@ template <class Model> class BackendOnDevice final : public CpuBackend<Model> {
     BackendOnDevice() : CpuBackend<Model>({}) {}
     RankDevice* device() override { return &device_; }
     /// Returns the same places for all views in turn, like a scratch block: each view loses what lay there.
-    ScratchPlaces room_for_splats(const CameraParams<float>&, std::size_t, std::size_t placed, bool, bool) override {
+    ScratchPlaces room_for_splats(const CameraParams<float>&, std::size_t splats, std::size_t placed, bool,
+                                  bool last) override {
+        constexpr std::size_t kAlignment = 3 * 5;  // of as many ranks as there may be
+        if (last)
+            EXPECT_GE(placed, splats) << "all of the last view";
+        else
+            EXPECT_LE(placed, splats + kAlignment) << "none of other views";
         splats_.assign(placed * sizeof(WireSplat), std::byte(0xff));
         sums_.assign(placed * sizeof(SplatSums<float>), std::byte(0xff));
         if (placed == 0) return {};
