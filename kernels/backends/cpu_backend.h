@@ -249,8 +249,8 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
                      RankArray<float>& shared_gradient) override {
         keep_last_steps(views[0]);
         state_.step += std::int64_t(views.size());
-        shared_gradient.assign(std::vector<float>(shared_row(kNumSharedOf<Model>), 0.0f));
-        if (verdict_ != Verdict::kTake) return;
+        if (verdict_ != Verdict::kTake)
+            return shared_gradient.assign(std::vector<float>(shared_row(kNumSharedOf<Model>), 0.0f));
         const auto params = ParameterView<float>::of(state_);
         const int num_views = int(views.size()), width = state_[Group::kResidual].width;
         const float mean = 1 / float(num_views);

@@ -213,12 +213,14 @@ inline RankViews views_in_a_row(const RankViews& views, std::int64_t k) {
     return copy;
 }
 
-/// Returns the model after these steps; with `one_by_one` the host waits for each.
-inline Gaussians train_in_a_row(const RankViews& views, RankedBackend& backend, bool one_by_one = false) {
+/// Returns the model after these steps on the first `num_views` views; with `one_by_one` the host waits for each.
+inline Gaussians train_in_a_row(const RankViews& views, RankedBackend& backend, bool one_by_one = false,
+                                int num_views = kViews) {
     backend.upload(views.model);
     for (int k = 0; k < kStepsInARow; ++k) {
         const RankViews lent = views_in_a_row(views, k);
         auto steps = lent.steps();
+        steps.resize(std::size_t(num_views));
         for (StepRequest& step : steps) step.noise = 100, step.iteration = k, step.isp_rate = 0;
         backend.step_on(steps);
         if (one_by_one) backend.synchronize();
