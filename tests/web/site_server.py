@@ -95,11 +95,16 @@ class Site:
         self.url = f"http://127.0.0.1:{self.server.server_port}/"
 
 
+# What a page of the viewer says of itself.
+STATE = "[document.title, ...['notice', 'meter', 'info'].map((id) => document.getElementById(id)?.innerText)]"
+
+
 def wait_for(browser, expression, what, seconds=PATIENCE):
     """Until a JavaScript expression is true."""
     deadline = time.monotonic() + seconds
     while not browser.evaluate(f"!!({expression})"):
-        check(time.monotonic() < deadline, f"within {seconds} s: {what}")
+        if time.monotonic() > deadline:
+            check(False, f"within {seconds} s: {what}. The page says {browser.evaluate(STATE)}, its console {browser.errors}")
         time.sleep(0.05)
 
 

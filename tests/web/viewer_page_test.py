@@ -185,6 +185,18 @@ def check_controls(browser, url):
     check(base == pixel(browser) and residual == [0, 0, 0], f"without view dependence, base is all: {base}, {residual}")
 
 
+def check_garbage(browser):
+    """A file arrives also where the browser looks for garbage meanwhile."""
+    browser.evaluate("""(() => {
+        const transfer = new DataTransfer();
+        transfer.items.add(new File([new Uint8Array(1 << 25)], 'zeros.ngsplat'));
+        dispatchEvent(new DragEvent('drop', { dataTransfer: transfer, cancelable: true }));
+    })()""")
+    for _ in range(3):
+        browser.call("HeapProfiler.collectGarbage")
+    wait_for(browser, "document.getElementById('notice').innerText.includes('zeros.ngsplat cannot be read')", "all of a file is read while garbage is collected")
+
+
 def check_benchmark(browser):
     browser.evaluate("document.getElementById('repeats').value = 1; document.getElementById('benchmark').click()")
     wait_for(browser, "document.getElementById('benchmark-json').checkVisibility()", "the benchmark ends")
@@ -263,6 +275,7 @@ def main():
             check_direction_degrees(browser)
             check_controls(browser, site.url)
             check_benchmark(browser)
+            check_garbage(browser)
             check_appearance(browser)
             elsewhere = [r for r in browser.requests if not r.startswith((site.url, "blob:", "about:"))]
             check(elsewhere == [], f"the page asks only its own site: {elsewhere}")

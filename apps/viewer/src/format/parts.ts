@@ -11,6 +11,12 @@ export interface Parts {
   cancel(): Promise<void>;
 }
 
+/**
+ * What is being read from. Without this a read and its stream know only each other, and Chromium, up to 156 at least, collects both as garbage
+ * where the bytes are those of a file: the read never ends.
+ */
+const awaited = new Set<ReadableStreamBYOBReader>();
+
 /** Fills the same memory again and again. */
 class Refilled implements Parts {
   private memory = new ArrayBuffer(MOST_BYTES);
@@ -18,7 +24,8 @@ class Refilled implements Parts {
   constructor(private readonly reader: ReadableStreamBYOBReader) {}
 
   async read(): Promise<Uint8Array | undefined> {
-    const { done, value } = await this.reader.read(new Uint8Array(this.memory));
+    awaited.add(this.reader);
+    const { done, value } = await this.reader.read(new Uint8Array(this.memory)).finally(() => awaited.delete(this.reader));
     if (value) this.memory = value.buffer; // the one that was passed is nobody's any more
     return done ? undefined : value;
   }
