@@ -59,8 +59,10 @@ template <class Model, class Real> struct Projected {
           degree(Model::kDirectional ? m.active_degree : 0),
           tiles_x((width + kTile - 1) / kTile),
           tiles_y((height + kTile - 1) / kTile) {
-        for (int g = 0; g < kNumGroups; ++g)
+        for (int g = 0; g < kNumGroups; ++g) {
+            params[g].reserve(m.groups[g].param.size());
             for (const float x : m.groups[g].param) params[g].push_back(exact<Real>(x));
+        }
         for (const float x : m.shared.param) shared.push_back(exact<Real>(x));
         const std::int64_t n = m.count;
         splats.resize(n), visible.assign(n, 0), lists.resize(std::size_t(tiles_x) * tiles_y);
