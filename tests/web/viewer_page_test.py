@@ -187,6 +187,7 @@ def check_controls(browser, url):
 
 def check_garbage(browser):
     """A file arrives also where the browser looks for garbage meanwhile."""
+    # Made in the page: a file that is handed over by drop() has been read when the first collection begins.
     browser.evaluate("""(() => {
         const transfer = new DataTransfer();
         transfer.items.add(new File([new Uint8Array(1 << 25)], 'zeros.ngsplat'));

@@ -117,7 +117,7 @@ def cloud_file(count, position):
 
 def check_order(browser, url, folder):
     """By depth, equally far ones as in the file, and all whose centre is in the picture."""
-    position, clouds, orders = (1, 0.5, -3), {}, {}
+    position, clouds, orders, pictures = (1, 0.5, -3), {}, {}, {}
     for count in (2, 5000, 300_000):
         data, clouds[count] = cloud_file(count, position)
         (folder / f"cloud{count}.ngsplat").write_bytes(data)
@@ -143,6 +143,9 @@ def check_order(browser, url, folder):
             })""")
             check(browser.evaluate("gsapp.way") == {"webgl": "WebGL2", "webgpu": "WebGPU"}[way], f"{name}: {way} has ordered it")
             orders[way, count] = [i for (i,) in struct.iter_unpack("<I", base64.b64decode(packed))]
+            if count == 5000:
+                pictures[way] = pixels(browser, "testViewPixels(0, 'full')")
+    check(psnr(*pictures.values()) >= LEAST_PSNR, f"the cloud is the same by both ways: {psnr(*pictures.values()):.1f} dB")
     for count, means in clouds.items():
         order, forward = orders["webgpu", count], unit([-x for x in position])
         depths = [sum(f * (x - p) for f, x, p in zip(forward, mean, position)) for mean in means]
@@ -219,25 +222,24 @@ def check_page(browser, url, folder):
 
 
 def check_end(browser, url):
-    """Where the device is lost, and where pictures are compared, WebGL2 goes on, and what the user opened comes, too."""
+    """Where the device is lost, and where pictures are compared, WebGL2 goes on, and what the user opened comes, too; what the address says has to
+    be there."""
     picture, meter = "testViewPixels(0, 'full')", "document.getElementById('meter').textContent"
-    in_notice = "document.getElementById('notice').innerText.includes('next.ngsplat')"
-    for end, how, has_next in (("the device is lost", "device.destroy()", False), ("pictures are compared", "document.getElementById('compare-on').click()", True)):
+    is_coming = "document.getElementById('notice').innerText.includes('next.ngsplat')"
+    for end, how in (("the device is lost", "device.destroy()"), ("pictures are compared", "document.getElementById('compare-on').click()")):
         open_by(browser, url, "webgpu", "ball.ngsplat")
         before = pixels(browser, picture)
-        if has_next:
-            browser.evaluate(HOLD_FILES)
-            drop(browser, "next.ngsplat", scene_file(20))
-            wait_for(browser, in_notice, "a file is on its way")
+        browser.evaluate(HOLD_FILES)
+        drop(browser, "next.ngsplat", scene_file(20))
+        wait_for(browser, is_coming, "a file is on its way")
         browser.evaluate(how)
         wait_for(browser, f"gsapp.way === 'WebGL2' && !document.getElementById('webgpu-canvas') && document.body.classList.contains('loaded') && document.title.startsWith('ball.ngsplat') && {meter}.includes('3,000 drawn · sorted in')", f"{end}: WebGL2 draws the model before")
         check(psnr(before, pixels(browser, picture)) >= LEAST_PSNR, f"{end}: the picture is as before")
-        if has_next:
-            wait_for(browser, in_notice, f"{end}: the file is still on its way")
-            check(not browser.evaluate("document.getElementById('divider').hidden"), "the comparison is shown")
-            browser.evaluate("letGo()")
-            wait_for(browser, f"document.title.startsWith('next.ngsplat') && /(^|· )20 drawn/.test({meter})", f"{end}: the file is shown when it is there")
+        wait_for(browser, is_coming, f"{end}: the file is still on its way")
+        browser.evaluate("letGo()")
+        wait_for(browser, f"document.title.startsWith('next.ngsplat') && /(^|· )20 drawn/.test({meter})", f"{end}: the file is shown when it is there")
         check(message(browser) == "", f"{end}: nothing is left to say: {message(browser)}")
+    check(not browser.evaluate("document.getElementById('divider').hidden"), "the comparison is shown")
     script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=REFUSE_SHADER)["identifier"]
     open_viewer(browser, url + "?gpu=webgpu&model=ball.ngsplat")
     wait_for(browser, "gsapp.way === 'WebGL2' && document.getElementById('meter').textContent.includes('sorted in')", "a device that refuses a shader is not used")

@@ -12,8 +12,8 @@ export interface Parts {
 }
 
 /**
- * What is being read from. Without this a read and its stream know only each other, and Chromium, up to 156 at least, collects both as garbage
- * where the bytes are those of a file: the read never ends.
+ * The readers whose read has not ended. Without this set, a read and its stream know only each other, and Chromium (seen in 156) collects both as
+ * garbage where the bytes are those of a file, so that the read never ends.
  */
 const awaited = new Set<ReadableStreamBYOBReader>();
 
