@@ -346,10 +346,10 @@ CudaBins CudaBackend::enqueue_splats(const CameraParams<float>& camera, std::int
     lay_out_view(camera, n, for_backward);
     largest_width_ = std::max(largest_width_, camera.width), largest_height_ = std::max(largest_height_, camera.height);
     times_.begin(stream_);
-    GS_CUDA(cudaMemsetAsync(control_.get(), 0, offsetof(StepControl, stopped), stream_));
     if (n > 0) fill();
     times_.end(CudaStage::kPreprocess, stream_);
-    const CudaBins bins = binning_.build(splats_, std::min(most, capacity_), control_.get(), stream_);
+    const std::span<uint4> marks = for_backward ? blend_.marks() : std::span<uint4>{};
+    const CudaBins bins = binning_.build(splats_, std::min(most, capacity_), marks, control_.get(), stream_);
     times_.end(CudaStage::kSort, stream_);
     blend_.forward(bins, splats_, blend_image(camera, background), control_.get(), for_backward, stream_);
     times_.end(CudaStage::kBlend, stream_);

@@ -98,8 +98,7 @@ __global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
                        StepControl* __restrict__ control) {
     __shared__ RowMemory<Model> memory[kFused ? kForwardBlock / 32 : 1];
     __shared__ typename WarpAppearance<Model>::Memory scratch[kFused ? kForwardBlock / 32 : 1];
-    __shared__ ViewCount block;
-    begin_count(block);
+    begin_view(out, control);
     const std::int64_t i = std::int64_t(blockIdx.x) * kForwardBlock + threadIdx.x;
     const int warp = threadIdx.x >> 5;
     Splat<float> s{};
@@ -120,7 +119,6 @@ __global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
         if (visible) s.color = gaussian_color(a.params.activation, base, residual, a.mode);
     }
     if (i < a.params.count) place_splat(i, s, b, tiles, a.depth_key, depth, splats, out);
-    end_count(block, tiles.count, control);
 }
 
 /// Computes residuals and colours of the visible Gaussians in the separate pass.

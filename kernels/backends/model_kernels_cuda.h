@@ -53,8 +53,8 @@ struct StepView {
 /// The kernels of one model.
 struct ModelKernels {
     bool directional;  ///< whether the model has a residual
-    /// Writes splats, spans and keys of visible Gaussians, and counts of all. Adds to control->num_instances and
-    /// control->num_visible.
+    /// Writes splats, spans and keys of visible Gaussians, and counts of all. Zeroes what the view counts. There must
+    /// be a Gaussian.
     void (*preprocess)(const PreprocessArgs&, PackedSplat*, const CudaBinningInput&, StepControl*, cudaStream_t);
     /// Computes the gradients of all parameters from the sums, and takes the optimizer's step. Does nothing if the step
     /// was stopped or its loss is not finite.

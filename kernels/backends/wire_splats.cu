@@ -61,8 +61,7 @@ __global__ void __launch_bounds__(kWireBlock)
     unpack(const WireSplat* __restrict__ wire, std::int64_t num, std::int64_t first, int width_padded,
            int height_padded, DepthKey depth_key, float inverse_alpha, PackedSplat* __restrict__ splats,
            CudaBinningInput out, StepControl* __restrict__ control) {
-    __shared__ ViewCount block;
-    begin_count(block);
+    begin_view(out, control);
     const std::int64_t k = wire_index();
     const bool exists = k < num;
     WireSplat mine{};
@@ -75,7 +74,6 @@ __global__ void __launch_bounds__(kWireBlock)
     }
     const TileTest tiles = test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min);
     if (exists) place_splat(first + k, s, b, tiles, depth_key, mine.depth, splats, out);
-    end_count(block, tiles.count, control);
 }
 
 /// Writes the splats of rank `rank` to their places among those of all.

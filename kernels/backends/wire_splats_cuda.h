@@ -30,7 +30,7 @@ void pack_splats(const std::uint32_t* rows, const std::int64_t* num, const Param
                  cudaStream_t stream);
 
 /// Unpacks `num` splats for a view padded to whole tiles, with all that binning reads, from place `first` of the view
-/// on. Adds to the view's counts.
+/// on. Zeroes what the view counts, also where only parts of it are unpacked so far.
 void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, int width_padded, int height_padded,
                    const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
                    StepControl* control, cudaStream_t stream);

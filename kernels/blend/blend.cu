@@ -291,21 +291,19 @@ void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles, PackedSums
     trail_.checkpoints = c.take<float4>(std::size_t(capacity / kChunk) * kCudaTilePixels);
     trail_.chunks = c.take<BlendChunk>(capacity / kChunk + num_tiles);
     const std::size_t groups = (capacity / 32 + num_tiles + 1) * kSubTiles;
-    marks_ = groups + std::size_t(num_tiles) * kSubTiles;
-    trail_.hits = c.take<std::uint32_t>(marks_);
+    const std::size_t marks = (groups + std::size_t(num_tiles) * kSubTiles + 3) / 4;
+    marks_ = {c.take<uint4>(marks), marks};
+    trail_.hits = reinterpret_cast<std::uint32_t*>(marks_.data());
     trail_.processed = trail_.hits + groups;
     trail_.next_item = c.take<unsigned>(1);
 }
 
 void CudaBlend::forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control,
                         bool for_backward, cudaStream_t stream) {
-    if (for_backward) {
-        // The blocks that share a tile add to these.
-        GS_CUDA(cudaMemsetAsync(trail_.hits, 0, marks_ * sizeof(std::uint32_t), stream));
+    if (for_backward)
         blend_forward<true><<<bins.num_items(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, trail_);
-    } else {
+    else
         blend_forward<false><<<bins.num_items(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, {});
-    }
     GS_CUDA_LAUNCHED("blend_forward");
 }
 

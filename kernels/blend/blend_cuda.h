@@ -8,6 +8,8 @@
 // there.
 #pragma once
 
+#include <span>
+
 #include "kernels/blend/blend_device.h"
 #include "kernels/cuda/device_memory.h"
 #include "kernels/splat/bins_cuda.h"
@@ -72,6 +74,8 @@ class CudaBlend {
     /// Takes the buffer that only the backward pass with a fixed order of sums uses.
     void take_partial_sums(Carver& c, std::int64_t capacity);
 
+    /// Returns what must be 0 before a forward pass for a backward pass: the blocks that share a tile add to it.
+    std::span<uint4> marks() const { return marks_; }
     /// Blends a view into `image`. With `for_backward` it keeps the lists and states for backward().
     void forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control,
                  bool for_backward, cudaStream_t stream);
@@ -84,7 +88,7 @@ class CudaBlend {
 
   private:
     std::int64_t capacity_ = 0;
-    std::size_t marks_ = 0;  ///< hits and counts of processed instances, which lie behind each other
+    std::span<uint4> marks_;  ///< hits and counts of processed instances, which lie behind each other
     BlendTrail trail_;
     PackedSums* partial_ = nullptr;  ///< (slots, sub-tiles)
 };

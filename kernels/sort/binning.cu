@@ -18,11 +18,17 @@ template <class Key> struct InstanceLists {
     Key* tile_keys;               ///< (room)
     std::uint32_t* instances;     ///< (room): the Gaussian of each
     std::uint32_t* ends;          ///< (n) or null: in depth order, the end of each one's instances
-    uint2* large;                 ///< (n): Gaussians with more than 32 candidate tiles, and the first instance of each
+    /// (n): Gaussians with more than 32 candidate tiles, and the first instance of each: the large ones from the
+    /// beginning on, the huge ones from the end on.
+    uint2* large;
     std::uint32_t* counts_of_digits;  ///< how many tile keys have each, 0 before
     DigitPlan plan;
     ChunkSums sums;  ///< the instances of each block's Gaussians
 };
+
+/// A large Gaussian is huge where it has more instances than this. Some cover the image, and a warp that wrote all of
+/// one would still be at work when the others are done: kHugeParts warps share it.
+constexpr std::uint32_t kHuge = 256, kHugeParts = 8;
 
 /// Counts the digits of a block's keys in its shared memory. All threads of the block must call clear() and add_to().
 template <int kThreads> struct DigitCounts {
@@ -103,7 +109,8 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
         const std::uint32_t k = first + 32 * u;
         if (lists.ends && k < lists.n) lists.ends[k] = start[u] + count[u];
         if (is_visible(u) && !is_small(u))
-            lists.large[atomicAdd(&control->num_large, 1u)] = make_uint2(gaussian[u], start[u]);
+            lists.large[count[u] > kHuge ? lists.n - 1 - atomicAdd(&control->num_huge, 1u)
+                                         : atomicAdd(&control->num_large, 1u)] = make_uint2(gaussian[u], start[u]);
         const std::uint32_t own = is_small(u) ? count[u] : 0, end = inclusive_sum(own),
                             total = __shfl_sync(~0u, end, 31);
         std::uint32_t at = end - own;
@@ -130,34 +137,45 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
     digits.add_to(lists.counts_of_digits);
 }
 
-/// Writes the instances of large Gaussians, with a warp for each.
+/// Writes the instances of large and huge Gaussians, 32 at a time. A warp has a large one, or every kHugeParts-th 32
+/// instances of a huge one.
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
     write_large_instances(InstanceLists<Key> lists, const PackedSplat* __restrict__ splats, int tiles_x,
                           const StepControl* __restrict__ control) {
     __shared__ std::uint32_t digit_counts[kMostCounts];
-    if (control->num_instances > lists.room || blockIdx.x * (kBlock / 32) >= control->num_large) return;
+    const std::uint32_t of_huge = control->num_huge * kHugeParts, num_items = of_huge + control->num_large;
+    if (control->num_instances > lists.room || blockIdx.x * (kBlock / 32) >= num_items) return;
     const DigitCounts<kBlock> digits{digit_counts, lists.plan};
     digits.clear();
     const std::uint32_t lane = threadIdx.x & 31;
-    for (std::uint32_t item = (blockIdx.x * kBlock + threadIdx.x) / 32; item < control->num_large;
+    for (std::uint32_t item = (blockIdx.x * kBlock + threadIdx.x) / 32; item < num_items;
          item += gridDim.x * kBlock / 32) {
-        const std::uint32_t gaussian = lists.large[item].x, stop = lists.large[item].y + lists.counts[gaussian];
-        std::uint32_t at = lists.large[item].y;
+        const bool is_huge = item < of_huge;
+        const std::uint32_t parts = is_huge ? kHugeParts : 1, part = is_huge ? item % kHugeParts : 0;
+        const uint2 own = lists.large[is_huge ? lists.n - 1 - item / kHugeParts : item - of_huge];
+        const std::uint32_t gaussian = own.x, stop = own.y + lists.counts[gaussian];
+        std::uint32_t at = own.y;
         const PackedSplat s = splats[gaussian];
         const TileRectangle r(s.bounds());
         for (int y = r.y0; y < r.y0 + r.height; y += 32) {
+            // A lane has a row of tiles; the instances of 32 rows lie behind each other.
             const TileRows::Span mine = span_of_lane(s, y, r.y0 + r.height);
-            for (int row = 0; row < min(32, r.y0 + r.height - y); ++row) {
-                const int x0 = __shfl_sync(~0u, mine.x0, row), size = __shfl_sync(~0u, mine.x1, row) - x0;
-                for (int x = int(lane); x < size && at + x < stop; x += 32) {
-                    const Key key = Key((y + row) * tiles_x + x0 + x);
-                    lists.tile_keys[at + x] = key;
-                    lists.instances[at + x] = gaussian;
-                    digits.count(key);
-                }
-                at += size;
+            const std::uint32_t size = std::uint32_t(mine.size()), end = inclusive_sum(size),
+                                total = __shfl_sync(~0u, end, 31),
+                                key_before = std::uint32_t((y + int(lane)) * tiles_x + mine.x0) - (end - size);
+            for (std::uint32_t place = part * 32 + lane; place - lane < total; place += parts * 32) {
+                std::uint32_t row = 0;  // the first that ends behind this place
+#pragma unroll
+                for (std::uint32_t step = 16; step > 0; step /= 2)
+                    if (__shfl_sync(~0u, end, row + step - 1) <= place) row += step;
+                const Key key = Key(__shfl_sync(~0u, key_before, row) + place);
+                if (place >= total || at + place >= stop) continue;
+                lists.tile_keys[at + place] = key;
+                lists.instances[at + place] = gaussian;
+                digits.count(key);
             }
+            at += total;
         }
     }
     digits.add_to(lists.counts_of_digits);
@@ -172,11 +190,18 @@ __device__ std::uint32_t suffix_max(std::uint32_t x) {
 
 /// Sets offsets[t] to the first instance of a tile >= t, and lists the work on tiles by the time that it takes, in
 /// steps of 16 instances, with a counting sort. One block, whose threads have four tiles in each step: with eight, an
-/// image of 800x800 leaves half of the threads without any, and the others take longer.
+/// image of 800x800 leaves half of the threads without any, and the others take longer. All other blocks set `zeros`
+/// to 0.
 constexpr int kOrderThreads = 1024, kLengths = 256, kTilesOfThread = 4;
 __global__ void __launch_bounds__(kOrderThreads)
     order_tiles(NumPairs num_instances, KeyBegins begins, std::uint32_t num_items, std::uint32_t* __restrict__ offsets,
-                TileItem* __restrict__ longest_first) {
+                TileItem* __restrict__ longest_first, std::span<uint4> zeros) {
+    if (blockIdx.x > 0) {
+        for (std::size_t k = std::size_t(blockIdx.x - 1) * kOrderThreads + threadIdx.x; k < zeros.size();
+             k += std::size_t(gridDim.x - 1) * kOrderThreads)
+            zeros[k] = {};
+        return;
+    }
     constexpr std::uint32_t kWarps = kOrderThreads / 32, kStep = kOrderThreads * kTilesOfThread, kShortest = 256;
     __shared__ std::uint32_t place[kLengths], listed, from_warp[kWarps + 1];
     const std::uint32_t n = num_instances(), num_tiles = begins.most, lane = threadIdx.x & 31, warp = threadIdx.x / 32,
@@ -258,11 +283,18 @@ __global__ void __launch_bounds__(kOrderThreads)
 /// The least key of a Gaussian that touches a tile.
 constexpr std::uint32_t kLeastVisible = 1u << kDepthKeyBits;
 
-/// Counts the digits of the depth keys that are not culled.
+/// Counts the Gaussians that are not culled, their instances, and the digits of their depth keys. tiles: (n), those of
+/// each.
 constexpr int kCountBlock = 512, kCountItems = 4;
 __global__ void __launch_bounds__(kCountBlock)
-    count_depth_digits(std::uint32_t n, const std::uint32_t* __restrict__ keys, DigitPlan plan, std::uint32_t* counts) {
+    count_visible(std::uint32_t n, const std::uint32_t* __restrict__ keys, const std::uint32_t* __restrict__ tiles,
+                  DigitPlan plan, std::uint32_t* counts, StepControl* control) {
     __shared__ std::uint32_t digit_counts[kMostCounts];
+    __shared__ unsigned long long instances_of_block;
+    __shared__ unsigned visible_of_block;
+    unsigned long long instances = 0;
+    unsigned visible = 0;
+    if (threadIdx.x == 0) instances_of_block = 0, visible_of_block = 0;
     const DigitCounts<kCountBlock> digits{digit_counts, plan};
     digits.clear();
     constexpr std::uint32_t kStep = kCountBlock * kCountItems;
@@ -271,10 +303,23 @@ __global__ void __launch_bounds__(kCountBlock)
 #pragma unroll
         for (int u = 0; u < kCountItems; ++u) key[u] = first + u * kCountBlock < n ? keys[first + u * kCountBlock] : 0;
 #pragma unroll
-        for (int u = 0; u < kCountItems; ++u)
-            if (key[u] >= kLeastVisible) digits.count(key[u]);
+        for (int u = 0; u < kCountItems; ++u) {
+            if (key[u] < kLeastVisible) continue;
+            digits.count(key[u]);
+            const std::uint32_t touched = key[u] >> kDepthKeyBits;
+            instances += touched == kManyTiles ? tiles[first + u * kCountBlock] : touched;
+            ++visible;
+        }
     }
-    digits.add_to(counts);
+    visible = __reduce_add_sync(~0u, visible);
+#pragma unroll
+    for (int d = 16; d > 0; d /= 2) instances += __shfl_xor_sync(~0u, instances, d);
+    if (threadIdx.x % 32 == 0) atomicAdd(&instances_of_block, instances), atomicAdd(&visible_of_block, visible);
+    digits.add_to(counts);  // which begins with a barrier
+    if (threadIdx.x == 0 && visible_of_block > 0) {
+        atomicAdd(&control->num_instances, instances_of_block);
+        atomicAdd(&control->num_visible, visible_of_block);
+    }
 }
 
 constexpr DigitPlan kDepthPlan = DigitPlan::of(kDepthKeyBits);
@@ -292,6 +337,10 @@ void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity,
     n_ = n, capacity_ = capacity, keep_slots_ = keep_slots;
     bins_.tiles_x = (width + kCudaTileX - 1) / kCudaTileX;
     bins_.tiles_y = (height + kCudaTileY - 1) / kCudaTileY;
+    counts_ = nullptr;
+    input_.num_zeros = counts_for(capacity).words / 4;
+    input_.zeros = c.take<uint4>(input_.num_zeros);
+    counts_ = reinterpret_cast<std::uint32_t*>(input_.zeros);
     input_.counts = c.take<std::uint32_t>(n);
     sorted_ = c.take<std::uint32_t>(capacity);
     tile_offsets_ = c.take<std::uint32_t>(bins_.num_tiles() + 1);
@@ -313,8 +362,6 @@ std::size_t CudaBinning::take_temporaries(Carver& c) {
     const std::size_t key_words = tiles.passes == 2 ? (capacity_ + 1) / 2 : capacity_;
     for (std::uint32_t*& keys : tile_keys_) keys = c.take<std::uint32_t>(key_words);
     other_ = c.take<std::uint32_t>(capacity_);
-    counts_ = nullptr;
-    counts_ = c.take<std::uint32_t>(counts_for(capacity_).words);
     return end_of_input;
 }
 
@@ -337,8 +384,8 @@ CudaBinning::Counts CudaBinning::counts_for(std::int64_t instances) const {
 }
 
 template <class Key>
-void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, StepControl* control,
-                                 const Counts& counts, cudaStream_t stream) {
+void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, std::span<uint4> zeros,
+                                 StepControl* control, const Counts& counts, cudaStream_t stream) {
     const DigitPlan plan = tile_plan();
     // The last pass writes the sorted instances.
     std::uint32_t *unsorted = plan.passes % 2 ? other_ : sorted_, *behind = plan.passes % 2 ? sorted_ : other_;
@@ -367,18 +414,22 @@ void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, S
         sort_pairs(plan, pairs, keep_slots_, counts.tile_digits, counts.tile_sums, num_instances, num_instances,
                    {.begins = begins}, stream);
     }
-    order_tiles<<<1, kOrderThreads, 0, stream>>>(num_instances, begins, bins_.num_items(), tile_offsets_,
-                                                 longest_first_);
+    const unsigned clearing = std::min(num_blocks(std::int64_t(zeros.size()), 4 * kOrderThreads), kManyBlocks);
+    order_tiles<<<1 + clearing, kOrderThreads, 0, stream>>>(num_instances, begins, bins_.num_items(), tile_offsets_,
+                                                            longest_first_, zeros);
     GS_CUDA_LAUNCHED("order_tiles");
 }
 
-CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, StepControl* control, cudaStream_t stream) {
+CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, std::span<uint4> zeros, StepControl* control,
+                            cudaStream_t stream) {
     const Counts counts = counts_for(room);
-    GS_CUDA(cudaMemsetAsync(counts_, 0, counts.words * sizeof *counts_, stream));
-    if (n_ > 0) {
-        count_depth_digits<<<std::min(num_blocks(n_, kCountBlock * kCountItems), kManyBlocks / 2), kCountBlock, 0,
-                             stream>>>(std::uint32_t(n_), input_.depth_keys, kDepthPlan, counts.depth_digits);
-        GS_CUDA_LAUNCHED("count_depth_digits");
+    if (n_ == 0) {  // nobody has filled the input
+        GS_CUDA(cudaMemsetAsync(control, 0, kControlWords * sizeof(unsigned), stream));
+        GS_CUDA(cudaMemsetAsync(input_.zeros, 0, input_.num_zeros * sizeof *input_.zeros, stream));
+    } else {
+        count_visible<<<std::min(num_blocks(n_, kCountBlock * kCountItems), kManyBlocks / 2), kCountBlock, 0, stream>>>(
+            std::uint32_t(n_), input_.depth_keys, input_.counts, kDepthPlan, counts.depth_digits, control);
+        GS_CUDA_LAUNCHED("count_visible");
         // Large Gaussians are listed only after this. The last pass writes the order.
         std::uint32_t *keys = reinterpret_cast<std::uint32_t*>(large_), *values = keys + n_;
         const RadixPairs<std::uint32_t> pairs{{input_.depth_keys, keys}, {values, order_}};
@@ -388,9 +439,9 @@ CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, StepCo
                    {.least = kLeastVisible, .chunk_sums = counts.chunk_sums}, stream);
     }
     if (tile_plan().passes == 2)
-        sort_instances<std::uint16_t>(splats, room, control, counts, stream);
+        sort_instances<std::uint16_t>(splats, room, zeros, control, counts, stream);
     else
-        sort_instances<std::uint32_t>(splats, room, control, counts, stream);
+        sort_instances<std::uint32_t>(splats, room, zeros, control, counts, stream);
     bins_.instances = sorted_;
     bins_.gaussians = keep_slots_ ? gaussians_ : nullptr;
     bins_.tile_offsets = tile_offsets_;

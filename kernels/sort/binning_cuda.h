@@ -2,6 +2,8 @@
 // Sorts Gaussians by depth, then their instances stably by tile, on the device (docs/math/rasterizer.md#sorting).
 #pragma once
 
+#include <span>
+
 #include "kernels/cuda/device_memory.h"
 #include "kernels/sort/digit_plan_cuda.h"
 #include "kernels/splat/bins_cuda.h"
@@ -30,6 +32,8 @@ struct CudaBinningInput {
     std::uint32_t* depth_keys;  ///< above the kDepthKeyBits of the depth, the count, at most kManyTiles; 0: culled
     TileSpan* spans;
     std::uint32_t* counts;  ///< number of touched tiles; 0 = culled
+    uint4* zeros;           ///< (num_zeros): what the sort counts in, to be set to 0 by whoever fills the arrays
+    std::size_t num_zeros;
 };
 
 /// The sort on the device.
@@ -37,16 +41,18 @@ class CudaBinning {
   public:
     /// Takes only the counts of `input`, for splats that are sorted elsewhere.
     void take_counts(Carver& c, std::int64_t n) { input_ = {.counts = c.take<std::uint32_t>(n)}; }
-    /// Takes the buffers that outlive binning.
+    /// Takes the buffers that outlive binning, and those that are written before it.
     void take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height, bool keep_slots);
     /// Takes the rest of `input`, and then the buffers that only binning uses. Returns where the latter begin, which
     /// are not written before build().
     std::size_t take_temporaries(Carver& c);
 
     const CudaBinningInput& input() const { return input_; }
-    /// Sorts at most `room` instances, which is at most the capacity. If there are more, it writes none and sets
-    /// control->stopped.
-    CudaBins build(const PackedSplat* splats, std::int64_t room, StepControl* control, cudaStream_t stream);
+    /// Counts the view's visible Gaussians and instances, and sorts at most `room` instances, which is at most the
+    /// capacity. If there are more, it writes none and sets control->stopped. Beside its last kernel, which leaves most
+    /// of the device idle, it sets `zeros` to 0; these may lie where the temporaries are.
+    CudaBins build(const PackedSplat* splats, std::int64_t room, std::span<uint4> zeros, StepControl* control,
+                   cudaStream_t stream);
     /// Returns the order of the last build().
     const CudaBins& bins() const { return bins_; }
     SlotMap slots() const { return {order_, ends_}; }
@@ -61,8 +67,8 @@ class CudaBinning {
         std::size_t words = 0;
     };
     template <class Key>
-    void sort_instances(const PackedSplat* splats, std::int64_t room, StepControl* control, const Counts& counts,
-                        cudaStream_t stream);
+    void sort_instances(const PackedSplat* splats, std::int64_t room, std::span<uint4> zeros, StepControl* control,
+                        const Counts& counts, cudaStream_t stream);
     DigitPlan tile_plan() const;
     Counts counts_for(std::int64_t instances) const;
 
@@ -70,7 +76,7 @@ class CudaBinning {
     CudaBins bins_;
     bool keep_slots_ = false;
     CudaBinningInput input_{};
-    uint2* large_ = nullptr;  ///< large Gaussians and their first instances; before that, pairs of the depth sort
+    uint2* large_ = nullptr;  ///< large and huge Gaussians (InstanceLists); before that, pairs of the depth sort
     std::uint32_t *order_ = nullptr, *ends_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr, *other_ = nullptr,
                   *tile_offsets_ = nullptr, *counts_ = nullptr;
     std::uint32_t* tile_keys_[2] = {};  ///< of 16 bits where these suffice

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a splat comes to be sorted: the tiles that it reaches, its key, and the view's counts.
+// How a splat comes to be sorted: the tiles that it reaches, and its key.
 #pragma once
 
 #include "kernels/sort/binning_cuda.h"
@@ -56,30 +56,12 @@ __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const 
         visible ? min(depth_key(depth), kDepthKeyEnd) | min(tiles.count, kManyTiles) << kDepthKeyBits : 0;
 }
 
-/// The counts of a block, in its shared memory.
-struct ViewCount {
-    unsigned long long instances;
-    unsigned visible;
-};
-/// Begins to count. All threads of the block must call it.
-__device__ inline void begin_count(ViewCount& block) {
-    if (threadIdx.x == 0) block.instances = 0, block.visible = 0;
-    __syncthreads();
-}
-/// Adds what the block's threads have to the view's counts. All of them must call it.
-__device__ inline void end_count(ViewCount& block, unsigned num_tiles, StepControl* control) {
-    const unsigned visible = __ballot_sync(~0u, num_tiles > 0);
-    // 32 of these counts fit into 32 bits; larger counts are beyond any capacity.
-    const unsigned instances = __reduce_add_sync(~0u, min(num_tiles, 1u << 26));
-    if ((threadIdx.x & 31) == 0 && visible) {
-        atomicAdd(&block.instances, (unsigned long long)instances);
-        atomicAdd(&block.visible, unsigned(__popc(visible)));
-    }
-    __syncthreads();
-    if (threadIdx.x == 0 && block.visible) {
-        atomicAdd(&control->num_instances, block.instances);
-        atomicAdd(&control->num_visible, block.visible);
-    }
+/// Sets what the stages of a view count to 0, in the first kernel of the view and beside its work: a kernel of its own
+/// would take 2 us. Blocks must have kControlWords threads or more.
+__device__ inline void begin_view(const CudaBinningInput& out, StepControl* control) {
+    const std::size_t thread = std::size_t(blockIdx.x) * blockDim.x + threadIdx.x;
+    if (thread < kControlWords) reinterpret_cast<unsigned*>(control)[thread] = 0;
+    for (std::size_t k = thread; k < out.num_zeros; k += std::size_t(gridDim.x) * blockDim.x) out.zeros[k] = {};
 }
 
 }  // namespace gs

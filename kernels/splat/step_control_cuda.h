@@ -2,6 +2,8 @@
 // The counters of a step on the device.
 #pragma once
 
+#include <cstddef>
+
 namespace gs {
 
 /// The counters of the step in flight, on the device. All but `stopped` are zeroed before every step.
@@ -9,11 +11,13 @@ struct StepControl {
     unsigned long long num_instances;  ///< Gaussian-tile pairs
     unsigned long long num_pairs;      ///< Gaussian-pixel pairs that were blended
     double l1, ssim;                   ///< sums of the weighted differences and SSIM
-    unsigned num_visible, num_large;   ///< num_large: Gaussians with more than 32 candidate tiles
-    unsigned num_chunks;               ///< chunks of the blend
-    unsigned num_nonfinite;            ///< Gaussians whose gradient was left out
+    unsigned num_visible;
+    unsigned num_large, num_huge;  ///< Gaussians with more than 32 candidate tiles, by their instances
+    unsigned num_chunks;           ///< chunks of the blend
+    unsigned num_nonfinite;        ///< Gaussians whose gradient was left out
     unsigned loss_blocks;
     unsigned stopped;  ///< set when instances did not fit; no step updates until the host has made room
 };
+inline constexpr int kControlWords = offsetof(StepControl, stopped) / sizeof(unsigned);  ///< those that are zeroed
 
 }  // namespace gs

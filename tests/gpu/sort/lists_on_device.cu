@@ -41,7 +41,7 @@ ListsOnDevice list_on_device(const std::vector<WireSplat>& splats, int width, in
     out.counts = download(binning.input().counts, n);
     out.depths = download(binning.input().depth_keys, n);  // the sort overwrites them
     for (std::uint32_t& key : out.depths) key &= (1u << kDepthKeyBits) - 1;
-    const CudaBins bins = binning.build(packed, room, control.get(), nullptr);
+    const CudaBins bins = binning.build(packed, room, {}, control.get(), nullptr);
     DeviceBuffer<std::uint32_t> tiles;
     note_first_parts<<<1, 1>>>(bins.longest_first, bins.num_items(), tiles.reserve(bins.num_items()));
     GS_CUDA_LAUNCHED("note_first_parts");
