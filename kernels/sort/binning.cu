@@ -189,10 +189,10 @@ __device__ std::uint32_t suffix_max(std::uint32_t x) {
 }
 
 /// Sets offsets[t] to the first instance of a tile >= t, and lists the work on tiles by the time that it takes, in
-/// steps of 16 instances, with a counting sort. One block, whose threads have four tiles in each step: with eight, an
-/// image of 800x800 leaves half of the threads without any, and the others take longer. All other blocks set `zeros`
-/// to 0.
-constexpr int kOrderThreads = 1024, kLengths = 256, kTilesOfThread = 4;
+/// steps of 16 instances, with a counting sort. One block, whose threads have five tiles in each step, so that one step
+/// has all of 1280x720. With eight, an image of 800x800 leaves half of the threads without any, and the others take
+/// longer. All other blocks set `zeros` to 0.
+constexpr int kOrderThreads = 1024, kLengths = 256, kTilesOfThread = 5;
 __global__ void __launch_bounds__(kOrderThreads)
     order_tiles(NumPairs num_instances, KeyBegins begins, std::uint32_t num_items, std::uint32_t* __restrict__ offsets,
                 TileItem* __restrict__ longest_first, std::span<uint4> zeros) {
