@@ -56,7 +56,7 @@ __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const 
         visible ? min(depth_key(depth), kDepthKeyEnd) | min(tiles.count, kManyTiles) << kDepthKeyBits : 0;
 }
 
-/// Sets what the stages of a view count to 0, in the first kernel of the view and beside its work: a kernel of its own
+/// Sets to 0 what the stages of a view count, in the first kernel of the view and beside its work: a kernel of its own
 /// would take 2 us. Blocks must have kControlWords threads or more.
 __device__ inline void begin_view(const CudaBinningInput& out, StepControl* control) {
     const std::size_t thread = std::size_t(blockIdx.x) * blockDim.x + threadIdx.x;

@@ -25,10 +25,16 @@ ListsOnDevice list_on_device(const std::vector<WireSplat>& splats, int width, in
         binning.take_results(c, n, room, width, height, with_slots);
         binning.take_temporaries(c);
     });
+    // Nobody may count on memory that happens to be 0.
+    GS_CUDA(cudaMemset(packed, 0xff, std::size_t(scratch.bytes())));
+    DeviceBuffer<uint4> zeros;
+    constexpr std::size_t kZeros = 10'000;
+    GS_CUDA(cudaMemset(zeros.reserve(kZeros), 0xff, kZeros * sizeof(uint4)));
+    DeviceBuffer<StepControl> control;
+    GS_CUDA(cudaMemset(control.reserve(1), 0xff, sizeof(StepControl)));
+    GS_CUDA(cudaMemset(&control.get()->stopped, 0, sizeof(unsigned)));
     DeviceBuffer<WireSplat> wire;
     wire.upload(splats);
-    DeviceBuffer<StepControl> control;
-    control.upload({StepControl{}});
     const auto padded = [](int size, int tile) { return (size + tile - 1) / tile * tile; };
     unpack_splats(wire.get(), n, 0, padded(width, kCudaTileX), padded(height, kCudaTileY), DepthKey::of(0.01f, 1e4f),
                   255, packed, binning.input(), control.get(), nullptr);
@@ -41,12 +47,15 @@ ListsOnDevice list_on_device(const std::vector<WireSplat>& splats, int width, in
     out.counts = download(binning.input().counts, n);
     out.depths = download(binning.input().depth_keys, n);  // the sort overwrites them
     for (std::uint32_t& key : out.depths) key &= (1u << kDepthKeyBits) - 1;
-    const CudaBins bins = binning.build(packed, room, {}, control.get(), nullptr);
+    const CudaBins bins = binning.build(packed, room, {zeros.get(), kZeros}, control.get(), nullptr);
     DeviceBuffer<std::uint32_t> tiles;
     note_first_parts<<<1, 1>>>(bins.longest_first, bins.num_items(), tiles.reserve(bins.num_items()));
     GS_CUDA_LAUNCHED("note_first_parts");
     const StepControl counted = control.download(1)[0];
     out.num_instances = counted.num_instances, out.stopped = counted.stopped != 0;
+    out.num_visible = counted.num_visible;
+    out.cleared = true;
+    for (const uint4& four : zeros.download(kZeros)) out.cleared &= !(four.x | four.y | four.z | four.w);
     out.offsets = download(bins.tile_offsets, bins.num_tiles() + 1);
     const std::int64_t listed = out.offsets.back();
     out.instances = download(bins.instances, listed);

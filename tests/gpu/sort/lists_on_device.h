@@ -14,7 +14,9 @@ inline constexpr int kTileX = 16, kTileY = 12;
 
 struct ListsOnDevice {
     std::uint64_t num_instances;
+    std::uint32_t num_visible;
     bool stopped;
+    bool cleared;                                 ///< whether the words that were to be set to 0 are
     std::vector<std::uint32_t> counts, depths;    ///< of each splat; the depth's key
     std::vector<std::uint32_t> offsets;           ///< (tiles+1)
     std::vector<std::uint32_t> instances;         ///< splats, or slots

@@ -38,6 +38,8 @@ class GpuLists : public Gpu {
         const ListsOnDevice plain = list_on_device(splats, width, height, std::max<std::int64_t>(room, 1), false),
                             slots = list_on_device(splats, width, height, room + 1000, true);
         ASSERT_EQ(plain.stopped, false);
+        ASSERT_TRUE(plain.cleared && slots.cleared);
+        ASSERT_EQ(plain.num_visible, std::ranges::count_if(plain.counts, [](std::uint32_t n) { return n > 0; }));
         ASSERT_EQ(plain.offsets.back(), plain.num_instances);
         ASSERT_EQ(plain.offsets, slots.offsets);
         std::vector<double> radii;
