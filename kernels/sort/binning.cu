@@ -191,15 +191,15 @@ __device__ std::uint32_t suffix_max(std::uint32_t x) {
 /// Sets offsets[t] to the first instance of a tile >= t, and lists the work on tiles by the time that it takes, in
 /// steps of 16 instances, with a counting sort. One block, whose threads have five tiles in each step, so that one step
 /// has all of 1280x720. With eight, an image of 800x800 leaves half of the threads without any, and the others take
-/// longer. All other blocks set `zeros` to 0.
+/// longer. All other blocks set `to_clear` to 0.
 constexpr int kOrderThreads = 1024, kLengths = 256, kTilesOfThread = 5;
 __global__ void __launch_bounds__(kOrderThreads)
     order_tiles(NumPairs num_instances, KeyBegins begins, std::uint32_t num_items, std::uint32_t* __restrict__ offsets,
-                TileItem* __restrict__ longest_first, std::span<uint4> zeros) {
+                TileItem* __restrict__ longest_first, std::span<uint4> to_clear) {
     if (blockIdx.x > 0) {
-        for (std::size_t k = std::size_t(blockIdx.x - 1) * kOrderThreads + threadIdx.x; k < zeros.size();
+        for (std::size_t k = std::size_t(blockIdx.x - 1) * kOrderThreads + threadIdx.x; k < to_clear.size();
              k += std::size_t(gridDim.x - 1) * kOrderThreads)
-            zeros[k] = {};
+            to_clear[k] = {};
         return;
     }
     constexpr std::uint32_t kWarps = kOrderThreads / 32, kStep = kOrderThreads * kTilesOfThread, kShortest = 256;
@@ -337,10 +337,9 @@ void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity,
     n_ = n, capacity_ = capacity, keep_slots_ = keep_slots;
     bins_.tiles_x = (width + kCudaTileX - 1) / kCudaTileX;
     bins_.tiles_y = (height + kCudaTileY - 1) / kCudaTileY;
-    counts_ = nullptr;
-    input_.num_zeros = counts_for(capacity).words / 4;
-    input_.zeros = c.take<uint4>(input_.num_zeros);
-    counts_ = reinterpret_cast<std::uint32_t*>(input_.zeros);
+    input_.zeros = {};
+    const std::size_t fours = counts_for(capacity).words / 4;
+    input_.zeros = {c.take<uint4>(fours), fours};
     input_.counts = c.take<std::uint32_t>(n);
     sorted_ = c.take<std::uint32_t>(capacity);
     tile_offsets_ = c.take<std::uint32_t>(bins_.num_tiles() + 1);
@@ -367,9 +366,10 @@ std::size_t CudaBinning::take_temporaries(Carver& c) {
 
 /// Returns where counts and sums lie for a sort of so many instances.
 CudaBinning::Counts CudaBinning::counts_for(std::int64_t instances) const {
+    auto* const zeros = reinterpret_cast<std::uint32_t*>(input_.zeros.data());
     Counts c;
     const auto take = [&](std::size_t words) {
-        std::uint32_t* const taken = counts_ ? counts_ + c.words : nullptr;
+        std::uint32_t* const taken = zeros ? zeros + c.words : nullptr;
         c.words += (words + 3) / 4 * 4;  // such that fours are aligned
         return taken;
     };
@@ -384,7 +384,7 @@ CudaBinning::Counts CudaBinning::counts_for(std::int64_t instances) const {
 }
 
 template <class Key>
-void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, std::span<uint4> zeros,
+void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, std::span<uint4> to_clear,
                                  StepControl* control, const Counts& counts, cudaStream_t stream) {
     const DigitPlan plan = tile_plan();
     // The last pass writes the sorted instances.
@@ -414,18 +414,18 @@ void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, s
         sort_pairs(plan, pairs, keep_slots_, counts.tile_digits, counts.tile_sums, num_instances, num_instances,
                    {.begins = begins}, stream);
     }
-    const unsigned clearing = std::min(num_blocks(std::int64_t(zeros.size()), 4 * kOrderThreads), kManyBlocks);
+    const unsigned clearing = std::min(num_blocks(std::int64_t(to_clear.size()), 4 * kOrderThreads), kManyBlocks);
     order_tiles<<<1 + clearing, kOrderThreads, 0, stream>>>(num_instances, begins, bins_.num_items(), tile_offsets_,
-                                                            longest_first_, zeros);
+                                                            longest_first_, to_clear);
     GS_CUDA_LAUNCHED("order_tiles");
 }
 
-CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, std::span<uint4> zeros, StepControl* control,
-                            cudaStream_t stream) {
+CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, std::span<uint4> to_clear,
+                            StepControl* control, cudaStream_t stream) {
     const Counts counts = counts_for(room);
     if (n_ == 0) {  // nobody has filled the input
         GS_CUDA(cudaMemsetAsync(control, 0, kControlWords * sizeof(unsigned), stream));
-        GS_CUDA(cudaMemsetAsync(input_.zeros, 0, input_.num_zeros * sizeof *input_.zeros, stream));
+        GS_CUDA(cudaMemsetAsync(input_.zeros.data(), 0, input_.zeros.size_bytes(), stream));
     } else {
         count_visible<<<std::min(num_blocks(n_, kCountBlock * kCountItems), kManyBlocks / 2), kCountBlock, 0, stream>>>(
             std::uint32_t(n_), input_.depth_keys, input_.counts, kDepthPlan, counts.depth_digits, control);
@@ -439,9 +439,9 @@ CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, std::s
                    {.least = kLeastVisible, .chunk_sums = counts.chunk_sums}, stream);
     }
     if (tile_plan().passes == 2)
-        sort_instances<std::uint16_t>(splats, room, zeros, control, counts, stream);
+        sort_instances<std::uint16_t>(splats, room, to_clear, control, counts, stream);
     else
-        sort_instances<std::uint32_t>(splats, room, zeros, control, counts, stream);
+        sort_instances<std::uint32_t>(splats, room, to_clear, control, counts, stream);
     bins_.instances = sorted_;
     bins_.gaussians = keep_slots_ ? gaussians_ : nullptr;
     bins_.tile_offsets = tile_offsets_;

@@ -31,9 +31,8 @@ struct ChunkSums {
 struct CudaBinningInput {
     std::uint32_t* depth_keys;  ///< above the kDepthKeyBits of the depth, the count, at most kManyTiles; 0: culled
     TileSpan* spans;
-    std::uint32_t* counts;  ///< number of touched tiles; 0 = culled
-    uint4* zeros;           ///< (num_zeros): what the sort counts in, to be set to 0 by whoever fills the arrays
-    std::size_t num_zeros;
+    std::uint32_t* counts;   ///< number of touched tiles; 0 = culled
+    std::span<uint4> zeros;  ///< what the sort counts in, to be set to 0 by whoever fills the arrays
 };
 
 /// The sort on the device.
@@ -50,8 +49,8 @@ class CudaBinning {
     const CudaBinningInput& input() const { return input_; }
     /// Counts the view's visible Gaussians and instances, and sorts at most `room` instances, which is at most the
     /// capacity. If there are more, it writes none and sets control->stopped. Beside its last kernel, which leaves most
-    /// of the device idle, it sets `zeros` to 0; these may lie where the temporaries are.
-    CudaBins build(const PackedSplat* splats, std::int64_t room, std::span<uint4> zeros, StepControl* control,
+    /// of the device idle, it sets `to_clear` to 0, which may lie where the temporaries are.
+    CudaBins build(const PackedSplat* splats, std::int64_t room, std::span<uint4> to_clear, StepControl* control,
                    cudaStream_t stream);
     /// Returns the order of the last build().
     const CudaBins& bins() const { return bins_; }
@@ -67,7 +66,7 @@ class CudaBinning {
         std::size_t words = 0;
     };
     template <class Key>
-    void sort_instances(const PackedSplat* splats, std::int64_t room, std::span<uint4> zeros, StepControl* control,
+    void sort_instances(const PackedSplat* splats, std::int64_t room, std::span<uint4> to_clear, StepControl* control,
                         const Counts& counts, cudaStream_t stream);
     DigitPlan tile_plan() const;
     Counts counts_for(std::int64_t instances) const;
@@ -78,7 +77,7 @@ class CudaBinning {
     CudaBinningInput input_{};
     uint2* large_ = nullptr;  ///< large and huge Gaussians (InstanceLists); before that, pairs of the depth sort
     std::uint32_t *order_ = nullptr, *ends_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr, *other_ = nullptr,
-                  *tile_offsets_ = nullptr, *counts_ = nullptr;
+                  *tile_offsets_ = nullptr;
     std::uint32_t* tile_keys_[2] = {};  ///< of 16 bits where these suffice
     TileItem* longest_first_ = nullptr;
 };

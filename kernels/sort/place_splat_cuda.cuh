@@ -61,7 +61,7 @@ __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const 
 __device__ inline void begin_view(const CudaBinningInput& out, StepControl* control) {
     const std::size_t thread = std::size_t(blockIdx.x) * blockDim.x + threadIdx.x;
     if (thread < kControlWords) reinterpret_cast<unsigned*>(control)[thread] = 0;
-    for (std::size_t k = thread; k < out.num_zeros; k += std::size_t(gridDim.x) * blockDim.x) out.zeros[k] = {};
+    for (std::size_t k = thread; k < out.zeros.size(); k += std::size_t(gridDim.x) * blockDim.x) out.zeros[k] = {};
 }
 
 }  // namespace gs
