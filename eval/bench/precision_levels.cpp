@@ -12,12 +12,12 @@ const std::vector<PrecisionLevel>& precision_levels() {
     // The cutoffs are twice (alpha) and ten times (transmittance) those of 3DGS.
     static const std::vector<PrecisionLevel> levels = {
         {"full", false, [](TrainOptions&) {}},
+        {"fp32-moments", true, [](TrainOptions& o) { o.appearance_moments = AppearanceMoments::kFp32; }},
         {"half-storage", true, [](TrainOptions& o) { o.appearance_storage = AppearanceStorage::kFp16; }},
-        {"bf16-moments", true, [](TrainOptions& o) { o.appearance_moments = AppearanceMoments::kBf16; }},
         {"cutoffs", false, [](TrainOptions& o) { o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3; }},
         {"fast", true,
          [](TrainOptions& o) {
-             o.appearance_storage = AppearanceStorage::kFp16, o.appearance_moments = AppearanceMoments::kBf16;
+             o.appearance_storage = AppearanceStorage::kFp16;
              o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3;
          }},
     };

@@ -211,8 +211,9 @@ void CudaBackend::upload_ppisp(const PpispState& state) {
 
 void CudaBackend::take(Carver& c, const Sizes& sizes) {
     const auto take_shared_sums = [&] {
-        shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) *
-                                     std::size_t(kernels_.shared.count));
+        const std::size_t rows = num_blocks(sizes.n, kernels_.shared.gaussians_per_sum);
+        shared_sums_.values = c.take<float>(rows * std::size_t(kernels_.shared.count));
+        shared_sums_.is_set = c.take<std::uint8_t>(rows);
     };
     if (sizes.layout == Layout::kSharedSums) return take_shared_sums();
     const bool for_step = sizes.layout == Layout::kStep;
@@ -681,8 +682,10 @@ std::vector<StageCost> CudaBackend::take_stage_costs() {
     // Of a mixed model the costs of a residual are those of a mean Gaussian.
     const double share =
         meta_.active_degree > 0 && model_.count > 0 ? double(model_.num_residuals()) / double(model_.count) : 0;
-    return times_.take(share * model_.width[int(Group::kResidual)], share * info.operations,
-                       share * info.operations_backward);
+    return times_.take({.width = share * model_.width[int(Group::kResidual)],
+                        .adam_bytes = model_.packed_moments ? 16.0 : 24.0,
+                        .operations = share * info.operations,
+                        .operations_backward = share * info.operations_backward});
 }
 
 Ceilings CudaBackend::measure_ceilings() {

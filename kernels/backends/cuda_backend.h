@@ -235,7 +235,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     PackedSplat* splats_ = nullptr;
     PackedSums* sums_ = nullptr;
     SeparateArgs separate_{};
-    float *shared_sums_ = nullptr, *image_ = nullptr, *transmittance_ = nullptr, *dL_dimage_ = nullptr;
+    SparseRows shared_sums_{};
+    float *image_ = nullptr, *transmittance_ = nullptr, *dL_dimage_ = nullptr;
     CudaBinning binning_;
     CudaBlend blend_;
     CudaLoss loss_;

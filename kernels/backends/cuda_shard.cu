@@ -70,7 +70,7 @@ void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode
     if (n == 0) return;
     lay_out({.layout = Layout::kProjection, .n = n});
     PreprocessArgs args = for_step ? preprocess_args(camera, mode, {}) : frame_args({camera, {}, mode});
-    args.shared = {model_.shared_prepared.get(), nullptr};
+    args.shared.prepared = model_.shared_prepared.get();
     args.separate = separate_;
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
     kernels_.preprocess(args, splats_, binning_.input(), control_.get(), stream_);
@@ -329,8 +329,8 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     half_residuals_current_ = false;
     // Without a residual that is shown the weights have no gradient.
     if (num_shared > 0 && num_residuals > 0)
-        sum_rows(shared_sums_, num_blocks(n, kernels_.shared.gaussians_per_sum), num_shared, shared_gradient.data(),
-                 stream_);
+        sum_rows(shared_sums_, int(num_blocks(n, kernels_.shared.gaussians_per_sum)), num_shared,
+                 shared_gradient.data(), stream_);
 }
 
 namespace {

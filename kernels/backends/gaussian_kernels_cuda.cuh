@@ -281,11 +281,16 @@ __device__ inline Vec3<float> appearance_gradient(const PreprocessArgs& a, const
     return shown ? direction_pullback(direction, dL_ddirection) : Vec3<float>{0, 0, 0};
 }
 
-/// Adds up the gradients of the shared weights of a block's warps in their order. Ends the use of `warps`.
+/// Adds up the gradients of the shared weights of a block's warps in their order, and writes the block's row, if there
+/// are any. Ends the use of `warps`.
 template <class Model, int kBlock>
 __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps,
-                                  float* out) {
+                                  const SparseRows& rows) {
     constexpr int kShared = kNumSharedOf<Model>, kWarps = kBlock / 32;
+    const bool is_set = __syncthreads_or(any);
+    if (threadIdx.x == 0) rows.is_set[blockIdx.x] = is_set;
+    if (!is_set) return;
+    float* const out = rows.values + std::int64_t(blockIdx.x) * kShared;
     float* own = warps[threadIdx.x >> 5].sums();
     __syncwarp();
     if (any)
@@ -328,9 +333,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncwarp();
         store_rows(seen, width, space.memory.list, gradients, a.separate.dL_dresiduals + (i - lane) * width);
     }
-    if constexpr (kShared > 0)
-        store_shared_sums<Model, update_block<Model>()>(appearance, seen, warps,
-                                                        a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+    if constexpr (kShared > 0) store_shared_sums<Model, update_block<Model>()>(appearance, seen, warps, a.shared.sums);
 }
 
 /// Does what update_gaussian() says for this lane's Gaussian. All lanes of a warp whose Gaussians exist call it.
@@ -458,9 +461,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         update_residuals_of_warp<Model>(rows, arrays.last_step ? seen : rows, stale, space, gradients, i - lane,
                                         mix_bits(a.lazy.step), arrays, update, column_steps);
     if constexpr (kShared > 0) {
-        if (with_residual)
-            store_shared_sums<Model, update_block<Model>()>(appearance, seen, warps,
-                                                            a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+        if (with_residual) store_shared_sums<Model, update_block<Model>()>(appearance, seen, warps, a.shared.sums);
     }
 }
 
@@ -547,36 +548,22 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
                                         column_steps);
     }
     if constexpr (kShared > 0) {
-        if (with_residual)
-            store_shared_sums<Model, kBlock>(appearance, any, warps,
-                                             a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+        if (with_residual) store_shared_sums<Model, kBlock>(appearance, any, warps, a.shared.sums);
     }
 }
 
-/// The rows of threads of update_shared_weights, and the weights of one of its blocks: 32 bytes, the least that a read
-/// moves.
-inline constexpr int kSumThreads = 64, kSumWeights = 8;
-
 /// Adds up the blocks' gradients of the shared weights in a fixed order, and takes the optimizer's step.
 template <class Model>
-__global__ void __launch_bounds__(kSumThreads* kSumWeights)
-    update_shared_weights(const float* __restrict__ sums, int rows, ModelArrays arrays, AdamStep<float> step,
-                          AdamGains<float> gains, unsigned* __restrict__ prepared, StepControl* __restrict__ control) {
+__global__ void __launch_bounds__(kSumThreads* kSumColumns)
+    update_shared_weights(SparseRows sums, int rows, ModelArrays arrays, AdamStep<float> step, AdamGains<float> gains,
+                          unsigned* __restrict__ prepared, StepControl* __restrict__ control) {
     constexpr int kShared = kNumSharedOf<Model>;
-    __shared__ float partial[kSumThreads][kSumWeights];
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
-    const int k = blockIdx.x * kSumWeights + threadIdx.x;
-    float sum = 0;
-    if (k < kShared)
-        for (int row = threadIdx.y; row < rows; row += kSumThreads) sum += sums[std::int64_t(row) * kShared + k];
-    partial[threadIdx.y][threadIdx.x] = sum;
-    for (int half = kSumThreads / 2; half > 0; half /= 2) {
-        __syncthreads();
-        if (threadIdx.y < half) partial[threadIdx.y][threadIdx.x] += partial[threadIdx.y + half][threadIdx.x];
-    }
+    const int k = blockIdx.x * kSumColumns + threadIdx.x;
+    const float sum = sum_of_column(sums, rows, kShared, k);
     if (threadIdx.y > 0 || k >= kShared) return;
     float p = arrays.shared_param[k], m = arrays.shared_m[k], v = arrays.shared_v[k];
-    if (!update_shared(p, m, v, partial[0][threadIdx.x], step, gains)) atomicAdd(&control->num_nonfinite, 1u);
+    if (!update_shared(p, m, v, sum, step, gains)) atomicAdd(&control->num_nonfinite, 1u);
     arrays.shared_param[k] = p, arrays.shared_m[k] = m, arrays.shared_v[k] = v;
     WarpAppearance<Model>::prepare(prepared, k, p);
 }
@@ -621,7 +608,7 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
     if constexpr (kNumSharedOf<Model> != 0) {
         if (!with_residual) return;  // there is no gradient now, and was none before
         update_shared_weights<Model>
-            <<<num_blocks(kNumSharedOf<Model>, kSumWeights), dim3(kSumWeights, kSumThreads), 0, stream>>>(
+            <<<num_blocks(kNumSharedOf<Model>, kSumColumns), dim3(kSumColumns, kSumThreads), 0, stream>>>(
                 args.shared.sums, int(blocks), arrays, update.shared_step, update.shared_gains, args.shared.prepared,
                 control);
         GS_CUDA_LAUNCHED("update_shared_weights");

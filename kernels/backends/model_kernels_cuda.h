@@ -7,6 +7,7 @@
 #include "kernels/backend.h"
 #include "kernels/blend/blend_cuda.h"
 #include "kernels/optimizer/lazy_args_cuda.cuh"
+#include "kernels/optimizer/sum_rows_cuda.h"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/ranks/view_report.h"
@@ -18,7 +19,7 @@ namespace gs {
 /// The weights that all Gaussians of a model share. The pointers are null for a model that has none.
 struct SharedArgs {
     unsigned* prepared;  ///< weights in the form that kernels read
-    float* sums;         ///< gradients, one row per block of the pass that computes them
+    SparseRows sums;     ///< gradients: a row for each block of the pass that computes them, if a residual is shown
 };
 
 /// The buffers in which the separate pass keeps values that fused kernels have in registers, (n) each. Null for fused

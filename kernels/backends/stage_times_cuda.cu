@@ -6,7 +6,7 @@
 
 namespace gs {
 
-std::vector<StageCost> StageTimes::take(double residual_width, double operations, double operations_backward) {
+std::vector<StageCost> StageTimes::take(const ResidualCost& residual) {
     const auto seconds = [&](CudaStage s) { return seconds_[int(s)]; };
     // The bytes are those that each stage must at least read and write once. A splat has 48 bytes, its sums 36 of 48.
     // Radix sorts move key and value once a pass: three passes for the depth (8 bytes, of what is visible, without the
@@ -15,8 +15,8 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
     // instance reaches; 10, fragment_gradient 14 and two stores backward.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian",
-         gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8), visible_ * (260 + operations), "",
-         true},
+         gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual.width + 48 + 8), visible_ * (260 + residual.operations),
+         "", true},
         {"sort", seconds(CudaStage::kSort), instances_, "instance",
          gaussians_ * (4 + 4) + visible_ * (8 + 16 + 12 + 4 + 8) + instances_ * (6 + 12 + 10),
          visible_ * 20 + instances_ * 10,
@@ -34,8 +34,8 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
          instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 26,
          "as blend; also, the values that the tensor cores add up pass through shared memory first"},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian",
-         gaussians_ * 4 + moving_ * 24 * 14 + visible_ * (24 * residual_width + 48),
-         visible_ * (500 + operations_backward + 10 * residual_width) + moving_ * 140, "", true}};
+         gaussians_ * 4 + moving_ * 24 * 14 + visible_ * (residual.adam_bytes * residual.width + 48),
+         visible_ * (500 + residual.operations_backward + 10 * residual.width) + moving_ * 140, "", true}};
     // A pixel takes as many instructions as on the CPU. Each of the four powers is a logarithm and an exponential of
     // its own.
     if (corrected_pixels_ > 0)

@@ -10,6 +10,13 @@ namespace gs {
 enum class CudaStage : int { kPreprocess, kSort, kBlend, kCorrect, kLoss, kCorrectBackward, kBlendBackward, kUpdate };
 inline constexpr int kNumCudaStages = 8;
 
+/// What a Gaussian's residual costs, on average.
+struct ResidualCost {
+    double width;                            ///< active parameters
+    double adam_bytes;                       ///< that Adam reads and writes for each of them
+    double operations, operations_backward;  ///< of evaluating it, and of its gradient
+};
+
 /// Adds up the times and work of stages.
 class StageTimes {
   public:
@@ -40,9 +47,8 @@ class StageTimes {
         instances_ += instances, pairs_ += pairs, pixels_ += pixels;
         if (corrected) corrected_pixels_ += pixels;
     }
-    /// Returns the costs since the last call, for a model with `residual_width` active residual parameters whose
-    /// residual takes the given operations.
-    std::vector<StageCost> take(double residual_width, double operations, double operations_backward);
+    /// Returns the costs since the last call.
+    std::vector<StageCost> take(const ResidualCost& residual);
 
   private:
     void record(int mark, cudaStream_t stream) {

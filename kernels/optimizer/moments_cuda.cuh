@@ -30,7 +30,7 @@ struct MomentRows {
         if (v)
             m[at] = mm, v[at] = vv;
         else
-            m[at] = word(mm, vv, seed + at);
+            m[at] = word(mm, vv, seed, at);
     }
     /// Loads the moments of the four values from 4 * at on, as load() does.
     __device__ void load4(int at, float4& mm, float4& vv) const {
@@ -45,14 +45,14 @@ struct MomentRows {
             reinterpret_cast<float4*>(m)[at] = mm, reinterpret_cast<float4*>(v)[at] = vv;
             return;
         }
-        const std::uint32_t k = seed + 4 * at;
-        reinterpret_cast<float4*>(m)[at] =
-            make_float4(word(mm.x, vv.x, k), word(mm.y, vv.y, k + 1), word(mm.z, vv.z, k + 2), word(mm.w, vv.w, k + 3));
+        const std::uint32_t k = 4 * at;
+        reinterpret_cast<float4*>(m)[at] = make_float4(word(mm.x, vv.x, seed, k), word(mm.y, vv.y, seed, k + 1),
+                                                       word(mm.z, vv.z, seed, k + 2), word(mm.w, vv.w, seed, k + 3));
     }
 
   private:
-    __device__ static float word(float mm, float vv, std::uint32_t k) {
-        return __uint_as_float(pack_moments(__float_as_uint(mm), __float_as_uint(vv), mix_bits(k)));
+    __device__ static float word(float mm, float vv, std::uint32_t seed, std::uint32_t k) {
+        return __uint_as_float(pack_moments(__float_as_uint(mm), __float_as_uint(vv), rounding_bits(seed, k)));
     }
 };
 

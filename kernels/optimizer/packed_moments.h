@@ -3,7 +3,7 @@
 //
 // bfloat16 has float's range and 8 bits of mantissa. A step changes the second moment by a thousandth, which rounding
 // to nearest would lose each time. So it is rounded up or down at random, which is right on average. The random bits
-// are a hash of place and step.
+// are those of a seed, which a hash gives each warp in each step, spread over its values.
 #pragma once
 
 #include <cstdint>
@@ -19,11 +19,13 @@ GS_HD std::uint32_t mix_bits(std::uint32_t x) {
     return x ^ x >> 16;
 }
 
+/// Returns the 16 random bits of the k-th value under a seed: multiples of the golden ratio lie far from each other.
+GS_HD std::uint32_t rounding_bits(std::uint32_t seed, std::uint32_t k) { return (seed + k * 0x9e3779b9u) >> 16; }
+
 /// Returns m, rounded to nearest, in the upper half of the word and v in the lower half. v is rounded up where its
-/// remainder and the 16 bits of `random` add up to more than 16 bits hold. Both must be finite, and v >= 0.
+/// remainder and `random` (< 2^16) add up to more than 16 bits hold. Both must be finite, with |m| <= 1e38, and v >= 0.
 GS_HD std::uint32_t pack_moments(std::uint32_t m_bits, std::uint32_t v_bits, std::uint32_t random) {
-    const std::uint32_t m = m_bits + 0x7fffu + (m_bits >> 16 & 1), v = v_bits + (random & 0xffffu);
-    return (m & 0xffff0000u) | v >> 16;
+    return ((m_bits + 0x8000u) & 0xffff0000u) | (v_bits + random) >> 16;
 }
 
 /// Returns the bits of one moment in a word.

@@ -172,8 +172,8 @@ std::vector<Option> precision_options() {
                "on the GPU: precision in which frames read what makes colours depend on the view; it is trained in "
                "single precision"),
         choice("appearance-moments", &O::appearance_moments,
-               "on the GPU: precision of the optimizer's moments of the same parameters; bf16 takes a third of their "
-               "training memory away"),
+               "on the GPU: precision of the optimizer's moments of the same parameters; fp32 takes half as much "
+               "memory again to train them, and more time"),
     };
 }
 

@@ -61,7 +61,7 @@ struct TrainOptions {
     double alpha_cutoff = 1;  ///< steps of 1/255
     double transmittance_cutoff = 1e-4;
     AppearanceStorage appearance_storage = AppearanceStorage::kFp32;  ///< GPU only
-    AppearanceMoments appearance_moments = AppearanceMoments::kFp32;  ///< GPU only
+    AppearanceMoments appearance_moments = AppearanceMoments::kBf16;  ///< GPU only
     // Appearance
     std::string appearance = "sh";                              ///< a model's name, or "auto" until it is chosen
     double appearance_share = 1;                                ///< NaN = auto

@@ -23,10 +23,8 @@ BackendOptions backend_options(const TrainOptions& options) {
 
 std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
     const bool cuda = uses_cuda(device);
-    if (!cuda && (options.half_residuals || options.packed_moments))
-        throw UsageError(std::string("option ") +
-                         (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") +
-                         " needs a GPU; the CPU computes in fp32");
+    if (!cuda && options.half_residuals)
+        throw UsageError("option appearance-storage: fp16 needs a GPU; the CPU computes in fp32");
     return cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
 }
 

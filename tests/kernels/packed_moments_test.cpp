@@ -46,7 +46,7 @@ TEST(PackedMoments, SecondMomentFollowsSmallSteps) {
     for (int row = 0; row < kRows; ++row) {
         float v = 1e-7f;
         for (int step = 0; step < kSteps; ++step)
-            v = through_a_word(0, float(v + 1e-3 * (kSquare - v)), mix_bits(row ^ mix_bits(step))).v;
+            v = through_a_word(0, float(v + 1e-3 * (kSquare - v)), rounding_bits(mix_bits(step), row)).v;
         mean += double(v) / kRows;
     }
     for (int step = 0; step < kSteps; ++step)

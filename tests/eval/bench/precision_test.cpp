@@ -40,7 +40,7 @@ TEST(Precision, LevelsAreNamedOnceAndDiffer) {
         precision_level("quick");
         FAIL();
     } catch (const UsageError& e) {
-        EXPECT_NE(std::string(e.what()).find("'quick' is not one of full, half-storage"), std::string::npos)
+        EXPECT_NE(std::string(e.what()).find("'quick' is not one of full, fp32-moments"), std::string::npos)
             << e.what();
     }
 }
