@@ -290,7 +290,8 @@ void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles, PackedSums
     // A list of n instances has ceil(n / kChunk) chunks, and one checkpoint less.
     trail_.checkpoints = c.take<float4>(std::size_t(capacity / kChunk) * kCudaTilePixels);
     trail_.chunks = c.take<BlendChunk>(capacity / kChunk + num_tiles);
-    const std::size_t groups = (capacity / 32 + num_tiles + 1) * kSubTiles;
+    // The backward pass reads the words of a whole chunk, also behind the last list.
+    const std::size_t groups = (capacity / 32 + num_tiles + kChunk / 32) * kSubTiles;
     const std::size_t marks = (groups + std::size_t(num_tiles) * kSubTiles + 3) / 4;
     marks_ = {c.take<uint4>(marks), marks};
     trail_.hits = reinterpret_cast<std::uint32_t*>(marks_.data());

@@ -1,82 +1,55 @@
 // SPDX-License-Identifier: Apache-2.0
-// The backward pass of the blend, with a warp per chunk and sub-tile and a lane per pixel.
+// The backward pass of the blend, with a warp per chunk and sub-tile.
 //
-// Each splat and warp needs nine sums over 32 pixels. Six of them are moments of h about the splat's mean. These are
-// linear in the moments about the sub-tile's centre, whose weights 1, X, Y, XX, XY, YY are the same for every splat. So
-// the h and w of 16 splats are collected as matrices (16 x 32 pixels) and multiplied on the tensor cores by the weights
-// (32 x 6) and by dL/dpixel (32 x 3). TF32 holds 11 bits; values are split into a high and a low part, which together
-// hold 22.
+// A warp takes 16 splats at a time. A lane has a column of four pixels and four splats that follow each other; the four
+// lanes of a column have all 16. Each finds from the others' what light comes through to its first splat and what lies
+// behind it, and goes on alone from there. It adds up its fragments by column, and shared memory brings the eight
+// columns together. A lane per pixel would read each splat 32 times from shared memory, and had to bring the nine
+// sums of each over 32 lanes: the path to shared memory was what kept it waiting.
 //
 // Two lanes share a splat where it is fetched and where its sums are added, so that one request to memory brings or
 // takes both halves. While a batch of splats is worked on, the next is on its way.
 #include <algorithm>
+#include <type_traits>
 
 #include "kernels/blend/sub_tile_cuda.h"
 
 namespace gs {
 namespace {
 
-constexpr int kRows = 16;          ///< splats of a batch
-constexpr int kAtOnce = 4;         ///< splats whose alphas are evaluated side by side
-constexpr int kWarps = 2;          ///< warps of a block, which share nothing but the weights
-constexpr int kBlocksAtOnce = 14;  ///< blocks of a multiprocessor
-/// The number of floats from row to row in shared memory, so that 8 rows of 16 bytes lie in different banks.
-constexpr int kStride = 36;
-/// The same for the sums of a batch, of which a warp reads four rows at a time.
-constexpr int kSumsStride = 40;
-/// The lanes that hold weights of the three colours in a matrix product. Another has zeros for all others.
-constexpr int kColorLanes = 12;
+constexpr int kRows = 16;         ///< splats of a batch
+constexpr int kOwn = 4;           ///< splats of a lane; the four lanes of a column have all of a batch
+constexpr int kWarps = 2;         ///< warps of a block, which share nothing
+constexpr int kBlocksAtOnce = 8;  ///< blocks of a multiprocessor
 constexpr std::uint32_t kNobody = ~0u;
 
-/// The shared memory of one warp.
+/// The shared memory of one warp. The strides keep what eight lanes read or write together in different banks.
 struct WarpMemory {
-    union {
-        struct {
-            float h[kRows][kStride], w[kRows][kStride];
-        };
-        float sums[kRows][kSumsStride];  ///< h, hX, hY, hXX, hXY, hYY, r, g, b
-    };
-    PackedSplat batch[kRows];
-    /// dL/dpixel by row of the sub-tile, as the lanes want it: two pixels' high parts, then their low parts.
-    float4 gradient[kSubY][kColorLanes + 1];
-    std::uint8_t list[kChunk];  ///< instances of the chunk that changed a pixel of the sub-tile
+    static constexpr int kSplatStride = 3 * kOwn + 2, kSumStride = kSubX + 1;
+
+    float4 pixels[kSubY][kSubX];               ///< dL/dpixel, and its part from the background
+    float4 batch[kRows / kOwn][kSplatStride];  ///< the splats of a lane behind each other, as PackedSplat has them
+    float4 sums[kOwn][2 * kRows / kOwn][kSumStride];  ///< by half splat, in the order of HalfOfLane, and column
+    std::uint8_t list[kChunk];                        ///< instances of the chunk that changed a pixel of the sub-tile
 };
 
-/// The weights of the moments by row of the sub-tile, as the lanes want them: those of two pixels.
-using MomentWeights = float2[kSubY][32];
+/// What a lane works on: fragments of a column of pixels and of a group of splats. Neighbours that differ in the lowest
+/// bit have the same group, and those that differ in the next the same column, so that shared memory serves a warp's
+/// reads of either at once.
+struct LaneOf {
+    int column, group;
 
-/// Returns the weight of moment n of a pixel at (x, y) from the sub-tile's centre: 1, X, Y, XX, XY, YY.
-__device__ float moment_weight(int n, float x, float y) {
-    const float of_x = n == 1 || n == 4 ? x : (n == 3 ? x * x : 1.0f),
-                of_y = n == 2 || n == 4 ? y : (n == 5 ? y * y : 1.0f);
-    return n < 6 ? of_x * of_y : 0;
-}
+    __device__ explicit LaneOf(int lane) : column(lane / 8 * 2 + lane % 2), group(lane / 2 % 4) {}
+};
 
-__device__ float high_part(float x) { return __uint_as_float(__float_as_uint(x) & 0xffffe000u); }
+/// The half of a splat that a lane fetches, and whose sums it adds.
+struct HalfOfLane {
+    int group, own;  ///< the own-th splat of the group
+    bool second;
 
-/// Adds a b to c, as m16n8k8.
-__device__ void multiply(float (&c)[4], const float (&a)[4], float b0, float b1) {
-    asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, {%0,%1,%2,%3};"
-        : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
-        : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
-          "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b0)), "r"(__float_as_uint(b1)));
-}
-
-/// Loads columns 8 step .. 8 step + 7 of the 16 rows, split into high and low parts.
-__device__ void load_rows(const float (&rows)[kRows][kStride], int step, int lane, float (&high)[4], float (&low)[4]) {
-    const float* mine = &rows[(lane & 7) + (lane >> 3 & 1) * 8][step * 8 + (lane >> 4) * 4];
-    unsigned r[4];
-    asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0,%1,%2,%3}, [%4];"
-                 : "=r"(r[0]), "=r"(r[1]), "=r"(r[2]), "=r"(r[3])
-                 : "r"(unsigned(__cvta_generic_to_shared(mine)))
-                 : "memory");
-#pragma unroll
-    for (int k = 0; k < 4; ++k) {
-        const float x = __uint_as_float(r[k]);
-        high[k] = high_part(x);
-        low[k] = x - high[k];
-    }
-}
+    __device__ explicit HalfOfLane(int lane) : group(lane / 2 % 4), own(lane / 8), second(lane % 2) {}
+    __device__ int row() const { return group * kOwn + own; }
+};
 
 __device__ void add(float4* to, float4 x) {
 #if __CUDA_ARCH__ >= 900
@@ -84,60 +57,6 @@ __device__ void add(float4* to, float4 x) {
 #else
     atomicAdd(&to->x, x.x), atomicAdd(&to->y, x.y), atomicAdd(&to->z, x.z), atomicAdd(&to->w, x.w);
 #endif
-}
-
-/// Multiplies all rows and adds the sums to their splats. `target` is that of the splat which this lane and its
-/// neighbour share.
-template <bool kFixedOrder>
-__device__ void flush(WarpMemory& memory, const MomentWeights& weights, std::uint32_t target, int sub_tile, int lane,
-                      float centre_x, float centre_y, PackedSums* __restrict__ sums) {
-    const int n = lane >> 2, t = lane & 3;
-    float moments[4] = {}, colors[4] = {}, high[4], low[4];
-    __syncwarp();
-#pragma unroll
-    for (int step = 0; step < kSubY; ++step) {  // 8 pixels: one row of the sub-tile
-        const float2 weight = weights[step][lane];
-        load_rows(memory.h, step, lane, high, low);
-        multiply(moments, high, weight.x, weight.y);
-        multiply(moments, low, weight.x, weight.y);
-        const float4 g = memory.gradient[step][min(lane, kColorLanes)];
-        load_rows(memory.w, step, lane, high, low);
-        multiply(colors, high, g.x, g.y);
-        multiply(colors, high, g.z, g.w);
-        multiply(colors, low, g.x, g.y);
-    }
-    __syncwarp();
-    // This lane holds rows n and n + 8, columns 2 t and 2 t + 1. Shared memory brings them to two lanes a row.
-    if (t < 3) {
-        *reinterpret_cast<float2*>(&memory.sums[n][2 * t]) = make_float2(moments[0], moments[1]);
-        *reinterpret_cast<float2*>(&memory.sums[n + 8][2 * t]) = make_float2(moments[2], moments[3]);
-    }
-    if (t < 2) {
-        *reinterpret_cast<float2*>(&memory.sums[n][6 + 2 * t]) = make_float2(colors[0], colors[1]);
-        *reinterpret_cast<float2*>(&memory.sums[n + 8][6 + 2 * t]) = make_float2(colors[2], colors[3]);
-    }
-    __syncwarp();
-    if (target != kNobody) {
-        const int row = lane >> 1;
-        const bool second = lane & 1;
-        const float4* m = reinterpret_cast<const float4*>(memory.sums[row]);
-        const float4 u = m[0], v = m[1];
-        const float dx = memory.batch[row].a.x - centre_x, dy = memory.batch[row].a.y - centre_y;
-        const float hx = dx * u.x - u.y, hy = dy * u.x - u.z;
-        const float4 half = second ? make_float4(dx * hy - dy * u.y + v.x, dy * (hy - u.z) + v.y, v.z, v.w)
-                                   : make_float4(u.x, hx, hy, dx * (hx - u.y) + u.w);
-        PackedSums* to = sums + (kFixedOrder ? std::size_t(target) * kSubTiles + sub_tile : target);
-        float4* const place = &to->a + second;
-        const float blue = memory.sums[row][8];
-        if (kFixedOrder) {
-            *place = half;
-            if (second) to->c.x = blue;
-        } else {
-            add(place, half);
-            if (second) atomicAdd(&to->c.x, blue);
-        }
-    }
-    __syncwarp();
 }
 
 /// The part of a splat that one of two lanes fetches: a or b, which lie behind each other in memory, and green or blue,
@@ -148,129 +67,262 @@ struct HalfSplat {
 
     HalfSplat() = default;  ///< of a splat that changes nothing
     __device__ HalfSplat(const PackedSplat& from, int half) : shape((&from.a)[half]), color((&from.c.x)[half]) {}
-    __device__ void store(PackedSplat& to, int half) const { (&to.a)[half] = shape, (&to.c.x)[half] = color; }
+    __device__ void store(float4* to, int half) const { to[half] = shape, (&to[2].x)[half] = color; }
+};
+
+/// What a lane's neighbours in its column have: that of those before it, and of all four.
+struct OfColumn {
+    float before, all;
+};
+__device__ OfColumn product_of_column(float x) {
+    const float other = __shfl_xor_sync(~0u, x, 2), pair = x * other, other_pair = __shfl_xor_sync(~0u, pair, 4);
+    return {(threadIdx.x & 2 ? other : 1.0f) * (threadIdx.x & 4 ? other_pair : 1.0f), pair * other_pair};
+}
+__device__ OfColumn sum_of_column(float x) {
+    const float other = __shfl_xor_sync(~0u, x, 2), pair = x + other, other_pair = __shfl_xor_sync(~0u, pair, 4);
+    return {(threadIdx.x & 2 ? other : 0.0f) + (threadIdx.x & 4 ? other_pair : 0.0f), pair + other_pair};
+}
+
+/// Turns alpha and dL/dpixel . colour of a lane's four fragments of a pixel into the factors h and w of their gradients
+/// (FragmentGradient). `t` is the transmittance before the first of them; `behind` is the pixel's before the batch, and
+/// becomes that after it. With kEnds the pixel may be finished among them.
+template <bool kEnds>
+__device__ void pass_fragments(float (&alpha)[kOwn], float (&slope)[kOwn], float t, float& behind, float background,
+                               const Cutoffs<float>& cutoffs) {
+    float colors = 0, left[kOwn], color[kOwn];
+#pragma unroll
+    for (int i = 0; i < kOwn; ++i) {
+        if (kEnds) alpha[i] = t >= cutoffs.transmittance ? alpha[i] : 0;
+        const float w = t * alpha[i];
+        color[i] = w * slope[i], slope[i] = w;
+        left[i] = t -= w;
+        colors += color[i];
+    }
+    const OfColumn passed = sum_of_column(colors);
+    float rest = behind - passed.before;
+    behind -= passed.all;
+#pragma unroll
+    for (int i = 0; i < kOwn; ++i) {
+        rest -= color[i];
+        if (kEnds) rest = left[i] >= cutoffs.transmittance ? rest : background;  // as pass_fragment() has it
+        const float inverse = reciprocal(lane_max(1 - alpha[i], float(kMinOneMinusAlpha)));
+        alpha[i] = gs_fma(alpha[i] * inverse, rest, -color[i]);
+    }
+}
+
+/// Returns the sum over the columns of one value of each of a lane's four splats: that of the splat of HalfOfLane.
+__device__ float sum_over_columns(const float (&x)[kOwn], int lane) {
+    const bool upper = lane & 16, middle = lane & 8;
+    float low = upper ? x[2] : x[0], high = upper ? x[3] : x[1];
+    low += __shfl_xor_sync(~0u, upper ? x[0] : x[2], 16);
+    high += __shfl_xor_sync(~0u, upper ? x[1] : x[3], 16);
+    float sum = middle ? high : low;
+    sum += __shfl_xor_sync(~0u, middle ? low : high, 8);
+    return sum + __shfl_xor_sync(~0u, sum, 1);
+}
+
+/// Adds the gradients of a batch to its splats. `h` and `w` are those of a lane's fragments, by splat and pixel.
+/// `target` is that of the splat which this lane and its neighbour share.
+template <bool kFixedOrder>
+__device__ void add_gradients(WarpMemory& memory, const float (&h)[kSubY][kOwn], const float (&w)[kSubY][kOwn],
+                              float px, float centre_y, std::uint32_t target, int sub_tile, int lane,
+                              PackedSums* __restrict__ sums) {
+    const auto [column, group] = LaneOf(lane);
+    float blue[kOwn];
+#pragma unroll
+    for (int i = 0; i < kOwn; ++i) {
+        // Moments of h about the middle of the sub-tile's height, where the rows lie at -1.5, -0.5, 0.5 and 1.5.
+        const float outer = h[0][i] + h[3][i], inner = h[1][i] + h[2][i], m0 = outer + inner,
+                    m1 = 1.5f * (h[3][i] - h[0][i]) + 0.5f * (h[2][i] - h[1][i]), m2 = 2.25f * outer + 0.25f * inner;
+        float red = 0, green = 0;
+        blue[i] = 0;
+#pragma unroll
+        for (int y = 0; y < kSubY; ++y) {
+            const float4 g = memory.pixels[y][column];
+            red = gs_fma(w[y][i], g.x, red), green = gs_fma(w[y][i], g.y, green);
+            blue[i] = gs_fma(w[y][i], g.z, blue[i]);
+        }
+        const float2 mean = *reinterpret_cast<const float2*>(&memory.batch[group][3 * i]);
+        const float dx = mean.x - px, dy = mean.y - centre_y, hx = dx * m0, hy = dy * m0 - m1;
+        memory.sums[i][2 * group][column] = make_float4(m0, hx, hy, dx * hx);
+        memory.sums[i][2 * group + 1][column] = make_float4(dx * hy, dy * (hy - m1) + m2, red, green);
+    }
+    const float own_blue = sum_over_columns(blue, lane);
+    __syncwarp();
+    const float4* const columns = memory.sums[0][lane];
+    float4 own = columns[0];
+#pragma unroll
+    for (int k = 1; k < kSubX; ++k)
+        own.x += columns[k].x, own.y += columns[k].y, own.z += columns[k].z, own.w += columns[k].w;
+    if (target == kNobody) return;
+    const bool second = HalfOfLane(lane).second;
+    PackedSums* to = sums + (kFixedOrder ? std::size_t(target) * kSubTiles + sub_tile : target);
+    float4* const place = &to->a + second;
+    if (kFixedOrder) {
+        *place = own;
+        if (second) to->c.x = own_blue;
+    } else {
+        add(place, own);
+        if (second) atomicAdd(&to->c.x, own_blue);
+    }
+}
+
+/// A pixel as the forward pass left it, and the gradient for it.
+struct PixelToPass {
+    float r = 0, g = 0, b = 0, transmittance = 0;  ///< the pixel
+    float dr = 0, dg = 0, db = 0;                  ///< dL/dpixel
+    float4 before{};                               ///< colour and transmittance before the chunk
+
+    __device__ PixelToPass(int2 pixel, const BlendChunk& chunk, int in_tile, const BlendImage& image,
+                           const float* __restrict__ dL_dimage, const BlendTrail& trail) {
+        if (pixel.x >= image.width || pixel.y >= image.height) return;
+        const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x,
+                          plane = std::size_t(image.width) * image.height;
+        r = image.rgb[i], g = image.rgb[i + plane], b = image.rgb[i + 2 * plane],
+        transmittance = image.transmittance[i];
+        dr = dL_dimage[i], dg = dL_dimage[i + plane], db = dL_dimage[i + 2 * plane];
+        before = make_float4(0, 0, 0, 1);
+        if (chunk.first)
+            before = trail.checkpoints[checkpoint_before(chunk.tile_begin, chunk.first) * kCudaTilePixels + in_tile];
+    }
+    /// Returns dL/dpixel, and its part from the background.
+    __device__ float4 gradient(const Vec3<float>& bg) const {
+        return make_float4(dr, dg, db, transmittance * (dr * bg.x + dg * bg.y + db * bg.z));
+    }
+    /// Returns the transmittance, and dL/dpixel . what lies behind.
+    __device__ float2 state() const {
+        return make_float2(before.w, (r - before.x) * dr + (g - before.y) * dg + (b - before.z) * db);
+    }
 };
 
 /// Walks the part of a tile's list that `chunk` is, for one sub-tile.
 template <bool kFixedOrder>
-__device__ void walk_chunk(WarpMemory& memory, const MomentWeights& weights, const BlendChunk& chunk, int sub_tile,
-                           const CudaBins& bins, const PackedSplat* __restrict__ splats, const BlendImage& image,
+__device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
+                           const PackedSplat* __restrict__ splats, const BlendImage& image,
                            const float* __restrict__ dL_dimage, const BlendTrail& trail,
                            PackedSums* __restrict__ sums) {
     const int lane = threadIdx.x & 31;
-    // Where its pixels were finished, a sub-tile has neither lists nor states.
-    const int count = min(int(trail.processed[chunk.tile * kSubTiles + sub_tile]) - int(chunk.first), kChunk);
-    if (count <= 0) return;
-    const std::uint32_t begin = chunk.tile_begin + chunk.first;
+    const int2 corner = sub_tile_corner({int(chunk.corner & 0xffff), int(chunk.corner >> 16)}, sub_tile);
+    // All that is read depends on nothing else, and is on its way at once.
+    const std::uint32_t processed = trail.processed[chunk.tile * kSubTiles + sub_tile];
     const std::uint32_t* hits =
         trail.hits + ((first_group(chunk.tile, chunk.tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
+    unsigned word_of_lane = lane < kChunk / 32 ? hits[lane * kSubTiles] : 0;
+    const PixelToPass of_lane(pixel_of(corner, lane), chunk, sub_tile * 32 + lane, image, dL_dimage, trail);
+    // Where its pixels were finished, a sub-tile has neither lists nor states.
+    const int count = min(int(processed) - int(chunk.first), kChunk);
+    if (count <= 0) return;
+    if (lane * 32 >= count) word_of_lane = 0;
+    const std::uint32_t begin = chunk.tile_begin + chunk.first;
     int listed = 0;
-    {
-        const unsigned word_of_lane = lane * 32 < count ? hits[lane * kSubTiles] : 0;
 #pragma unroll
-        for (int group = 0; group < kChunk / 32; ++group) {
-            const unsigned word = __shfl_sync(~0u, word_of_lane, group);
-            if (word >> lane & 1)
-                memory.list[listed + __popc(word & ((1u << lane) - 1))] = std::uint8_t(group * 32 + lane);
-            listed += __popc(word);
-        }
+    for (int group = 0; group < kChunk / 32; ++group) {
+        const unsigned word = __shfl_sync(~0u, word_of_lane, group);
+        if (word >> lane & 1) memory.list[listed + __popc(word & ((1u << lane) - 1))] = std::uint8_t(group * 32 + lane);
+        listed += __popc(word);
     }
     if (listed == 0) return;
     __syncwarp();
     // The instance of this lane's splat in the batch that begins at `first`, and the splat.
+    const HalfOfLane half(lane);
     const auto target_from = [&](int first) {
-        const int k = first + (lane >> 1);
+        const int k = first + half.row();
         return k < listed ? bins.instances[begin + memory.list[k]] : kNobody;
     };
     const auto fetch = [&](std::uint32_t target) {
         if (target == kNobody) return HalfSplat{};
-        return HalfSplat(splats[kFixedOrder ? bins.gaussians[target] : target], lane & 1);
+        return HalfSplat(splats[kFixedOrder ? bins.gaussians[target] : target], half.second);
     };
     std::uint32_t target = target_from(0), next = target_from(kRows);
     HalfSplat splat = fetch(target);
-    const int2 corner = sub_tile_corner({int(chunk.corner & 0xffff), int(chunk.corner >> 16)}, sub_tile),
-               pixel = pixel_of(corner, lane);
-    PixelBackward<float> p{};
-    if (pixel.x < image.width && pixel.y < image.height) {
-        const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x,
-                          plane = std::size_t(image.width) * image.height;
-        float4 before = make_float4(0, 0, 0, 1);
-        if (chunk.first)
-            before = trail.checkpoints[checkpoint_before(chunk.tile_begin, chunk.first) * kCudaTilePixels +
-                                       sub_tile * 32 + lane];
-        const Vec3<float> bg = image.background;
-        p.t = before.w;
-        p.gr = dL_dimage[i], p.gg = dL_dimage[i + plane], p.gb = dL_dimage[i + 2 * plane];
-        p.background = image.transmittance[i] * (p.gr * bg.x + p.gg * bg.y + p.gb * bg.z);
-        p.behind = (image.rgb[i] - before.x) * p.gr + (image.rgb[i + plane] - before.y) * p.gg +
-                   (image.rgb[i + 2 * plane] - before.z) * p.gb;
-    }
-    {
-        const auto keep = [&](int channel, float g) {
-            float* parts = &memory.gradient[lane >> 3][channel * 4 + (lane & 3)].x + (lane >> 2 & 1);
-            parts[0] = high_part(g), parts[2] = g - high_part(g);
-        };
-        keep(0, p.gr), keep(1, p.gg), keep(2, p.gb);
-    }
-    const float px = pixel.x + 0.5f, py = pixel.y + 0.5f, centre_x = corner.x + 0.5f * kSubX,
-                centre_y = corner.y + 0.5f * kSubY;
+    const auto [column, group] = LaneOf(lane);
+    float t[kSubY], behind[kSubY];
+    float2* const states = reinterpret_cast<float2*>(memory.sums);
+    states[lane] = of_lane.state();
+    memory.pixels[lane / kSubX][lane % kSubX] = of_lane.gradient(image.background);
+    __syncwarp();
+#pragma unroll
+    for (int y = 0; y < kSubY; ++y) t[y] = states[y * kSubX + column].x, behind[y] = states[y * kSubX + column].y;
+    // A finished pixel has no light left, and nothing behind.
+    const auto finish = [&](int y) {
+        if (t[y] < image.cutoffs.transmittance) t[y] = behind[y] = 0;
+    };
+#pragma unroll
+    for (int y = 0; y < kSubY; ++y) finish(y);
+    const float px = corner.x + column + 0.5f;
     for (int first = 0; first < listed; first += kRows) {
-        splat.store(memory.batch[lane >> 1], lane & 1);
+        splat.store(&memory.batch[half.group][3 * half.own], half.second);
         __syncwarp();
         splat = fetch(next);  // on its way while this batch is worked on
         const std::uint32_t after = target_from(first + 2 * kRows);
-        const int rows = min(listed - first, kRows);
+        float alpha[kSubY][kOwn], slope[kSubY][kOwn];  // later h and w
 #pragma unroll
-        for (int k = 0; k < kRows; k += kAtOnce) {
-            if (k >= rows) break;
-            // All reads come first: behind a write to shared memory the compiler cannot move them ahead.
-            float alpha[kAtOnce], slope[kAtOnce];
+        for (int i = 0; i < kOwn; ++i) {
+            const float4* const s = &memory.batch[group][3 * i];
+            const float4 a = s[0], b = s[1];
+            const float2 c = *reinterpret_cast<const float2*>(&s[2]);
 #pragma unroll
-            for (int u = 0; u < kAtOnce; ++u) {
-                const PackedSplat& s = memory.batch[k + u];
-                alpha[u] = fragment_alpha(s.shape(), px, py).alpha;
-                slope[u] = color_gradient(p, s.b.w, s.c.x, s.c.y);
-            }
-#pragma unroll
-            for (int u = 0; u < kAtOnce; ++u) {
-                const FragmentGradient<float> d = fragment_gradient<float, float>(p, alpha[u], slope[u], image.cutoffs);
-                memory.h[k + u][lane] = d.h;
-                memory.w[k + u][lane] = d.w;
+            for (int y = 0; y < kSubY; ++y) {
+                const float4 g = memory.pixels[y][column];
+                const float of_pixel =
+                    fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, px, corner.y + y + 0.5f).alpha;
+                alpha[y][i] = of_pixel >= image.cutoffs.alpha ? of_pixel : 0;
+                slope[y][i] = gs_fma(b.w, g.x, gs_fma(c.x, g.y, c.y * g.z));
             }
         }
-        flush<kFixedOrder>(memory, weights, target, sub_tile, lane, centre_x, centre_y, sums);
+        float before[kSubY];  // the transmittance before this lane's splats
+        bool ends = false;
+#pragma unroll
+        for (int y = 0; y < kSubY; ++y) {
+            float through = 1 - alpha[y][0];
+#pragma unroll
+            for (int i = 1; i < kOwn; ++i) through *= 1 - alpha[y][i];
+            const OfColumn light = product_of_column(through);
+            before[y] = t[y] * light.before;
+            const float after_all = t[y] * light.all;
+            ends |= t[y] > 0 && after_all < image.cutoffs.transmittance;
+            t[y] = after_all;
+        }
+        const auto pass = [&](auto may_end) {
+#pragma unroll
+            for (int y = 0; y < kSubY; ++y)
+                pass_fragments<may_end>(alpha[y], slope[y], before[y], behind[y], memory.pixels[y][column].w,
+                                        image.cutoffs);
+        };
+        if (__any_sync(~0u, ends)) {
+            pass(std::true_type{});
+#pragma unroll
+            for (int y = 0; y < kSubY; ++y) finish(y);
+        } else {
+            pass(std::false_type{});
+        }
+        add_gradients<kFixedOrder>(memory, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile, lane, sums);
         target = next, next = after;
     }
+    __syncwarp();  // before the next chunk writes what slower lanes may still read
 }
 
-/// Each warp takes the next chunk and sub-tile when it is done with one. A block of its own for each would leave a
-/// fifth of the places for warps empty, since blocks of a few thousand cycles end and begin all the time.
+/// Each warp takes the next chunk and two sub-tiles of it when it is done with others. A block of its own for each
+/// would leave a fifth of the places for warps empty, since blocks of a few thousand cycles end and begin all the time.
 template <bool kFixedOrder>
 __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
     blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
                    const float* __restrict__ dL_dimage, const StepControl* __restrict__ control, BlendTrail trail,
                    PackedSums* __restrict__ sums) {
-    __shared__ alignas(16) WarpMemory memories[kWarps];
-    __shared__ MomentWeights weights;
+    __shared__ WarpMemory memories[kWarps];
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
-    WarpMemory& memory = memories[warp];
-    if (lane < kSubY) memory.gradient[lane][kColorLanes] = {};
-#pragma unroll 1
-    for (int row = warp; row < kSubY; row += kWarps) {
-        const int n = lane >> 2;
-        const float x = (lane & 3) + 0.5f - 0.5f * kSubX, y = row + 0.5f - 0.5f * kSubY;
-        weights[row][lane] = make_float2(moment_weight(n, x, y), moment_weight(n, x + 4, y));
-    }
-    __syncthreads();
-    const unsigned num_items = control->num_chunks * kSubTiles;
+    const unsigned num_items = control->num_chunks * (kSubTiles / 2);
     const auto take = [&] { return lane == 0 ? atomicAdd(trail.next_item, 1u) : 0; };
     unsigned next = take();
     while (true) {
         const unsigned item = __shfl_sync(~0u, next, 0);
         if (item >= num_items) return;
         next = take();  // on its way while this one is worked on
-        walk_chunk<kFixedOrder>(memory, weights, trail.chunks[item / kSubTiles], int(item % kSubTiles), bins, splats,
-                                image, dL_dimage, trail, sums);
+        const BlendChunk chunk = trail.chunks[item / (kSubTiles / 2)];
+        const int first = int(item % (kSubTiles / 2)) * 2;
+#pragma unroll 1
+        for (int sub_tile = first; sub_tile < first + 2; ++sub_tile)
+            walk_chunk<kFixedOrder>(memories[warp], chunk, sub_tile, bins, splats, image, dL_dimage, trail, sums);
     }
 }
 
@@ -306,7 +358,7 @@ void CudaBlend::take_partial_sums(Carver& c, std::int64_t capacity) {
 
 void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image,
                          const BlendGradients& gradients, const StepControl* control, cudaStream_t stream) {
-    const unsigned blocks = std::min(num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles, kWarps),
+    const unsigned blocks = std::min(num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles / 2, kWarps),
                                      num_multiprocessors() * kBlocksAtOnce);
     const auto [dL_dimage, sums, n, slots] = gradients;
     if (!slots) {

@@ -23,7 +23,8 @@ template <class P> struct FragmentAlpha {
 /// agree on which fragments count.
 template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
     const P dx = s.mx - px, dy = s.my - py;
-    const P exponent = gs_fma(dx, gs_fma(s.qa, dx, s.qb * dy), s.qc * dy * dy);
+    // What depends on dx alone comes first: the backward pass on the device has it once for a column of pixels.
+    const P exponent = gs_fma(dy, gs_fma(s.qc, dy, s.qb * dx), s.qa * dx * dx);
     return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
 }
 
