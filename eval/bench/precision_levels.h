@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Named settings that trade accuracy for speed.
+// Named settings of accuracy and speed.
 #pragma once
 
 #include <string>

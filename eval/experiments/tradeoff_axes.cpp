@@ -93,7 +93,8 @@ double parse_share(const std::string& text) {
 void apply_precision(TrainOptions& options, const std::string& name) {
     const PrecisionLevel& level = precision_level(name);
     if (level.gpu_only && !uses_cuda(options.device))
-        throw UsageError(fmt::format("--axes precision: '{}' is of the GPU; the CPU computes in fp32", name));
+        throw UsageError(
+            fmt::format("--axes precision: '{}' is a choice on a GPU only; the CPU computes in fp32", name));
     level.apply(options);
 }
 

@@ -327,7 +327,8 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
                            update_args(views[0], meta_.step, num_gaussians, num_views), std::uint32_t(meta_.step),
                            wire_.verdict.get(), wire_.left_out.get(), stream_);
     half_residuals_current_ = false;
-    // Without a residual that is shown the weights have no gradient.
+    // Without a residual that is shown the weights have no gradient. If the verdict is not to take the step, the rows
+    // are not written, and nobody uses their sum.
     if (num_shared > 0 && num_residuals > 0)
         sum_rows(shared_sums_, int(num_blocks(n, kernels_.shared.gaussians_per_sum)), num_shared,
                  shared_gradient.data(), stream_);

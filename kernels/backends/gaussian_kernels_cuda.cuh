@@ -560,7 +560,7 @@ __global__ void __launch_bounds__(kSumThreads* kSumColumns)
     constexpr int kShared = kNumSharedOf<Model>;
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
     const int k = blockIdx.x * kSumColumns + threadIdx.x;
-    const float sum = sum_of_column(sums, rows, kShared, k);
+    const float sum = sum_of_set_rows(sums, rows, kShared, k);
     if (threadIdx.y > 0 || k >= kShared) return;
     float p = arrays.shared_param[k], m = arrays.shared_m[k], v = arrays.shared_v[k];
     if (!update_shared(p, m, v, sum, step, gains)) atomicAdd(&control->num_nonfinite, 1u);

@@ -12,7 +12,8 @@ std::vector<StageCost> StageTimes::take(const ResidualCost& residual) {
     // Radix sorts move key and value once a pass: three passes for the depth (8 bytes, of what is visible, without the
     // first values and the last keys), two for the tile (6 bytes, without the last keys). The instructions are counted
     // in the templates: fragment_alpha 10 and blend_fragment 10 forward, and 120 that find the sub-tiles which an
-    // instance reaches; 10, fragment_gradient 14 and two stores backward.
+    // instance reaches; backward fragment_alpha 7, since four pixels share what depends on dx, and 23 for the gradient
+    // and its sums.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian",
          gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual.width + 48 + 8), visible_ * (260 + residual.operations),
@@ -31,8 +32,9 @@ std::vector<StageCost> StageTimes::take(const ResidualCost& residual) {
          "the separable filters read 27 values from shared memory per pixel and channel; a sixth of the instructions "
          "load tiles and their borders"},
         {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian",
-         instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 26,
-         "as blend; also, the values that the tensor cores add up pass through shared memory first"},
+         instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 30,
+         "two fifths of the instructions begin lists, tell lanes what others pass on to them and bring columns of "
+         "pixels together"},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian",
          gaussians_ * 4 + moving_ * 24 * 14 + visible_ * (residual.adam_bytes * residual.width + 48),
          visible_ * (500 + residual.operations_backward + 10 * residual.width) + moving_ * 140, "", true}};

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The backward pass of the blend, with a warp per chunk and sub-tile.
+// The backward pass of the blend, with a warp per chunk and two sub-tiles.
 //
 // A warp takes 16 splats at a time. A lane has a column of four pixels and four splats that follow each other; the four
-// lanes of a column have all 16. Each finds from the others' what light comes through to its first splat and what lies
+// lanes of a column have all 16. Each finds from the others what light comes through to its first splat and what lies
 // behind it, and goes on alone from there. It adds up its fragments by column, and shared memory brings the eight
-// columns together. A lane per pixel would read each splat 32 times from shared memory, and had to bring the nine
-// sums of each over 32 lanes: the path to shared memory was what kept it waiting.
+// columns together. With a lane per pixel all 32 would read every splat, and bring nine sums of each together: the path
+// to shared memory would keep them waiting.
 //
 // Two lanes share a splat where it is fetched and where its sums are added, so that one request to memory brings or
 // takes both halves. While a batch of splats is worked on, the next is on its way.
@@ -17,7 +17,7 @@
 namespace gs {
 namespace {
 
-constexpr int kRows = 16;         ///< splats of a batch
+constexpr int kBatch = 16;        ///< splats that a warp takes at a time
 constexpr int kOwn = 4;           ///< splats of a lane; the four lanes of a column have all of a batch
 constexpr int kWarps = 2;         ///< warps of a block, which share nothing
 constexpr int kBlocksAtOnce = 8;  ///< blocks of a multiprocessor
@@ -27,10 +27,10 @@ constexpr std::uint32_t kNobody = ~0u;
 struct WarpMemory {
     static constexpr int kSplatStride = 3 * kOwn + 2, kSumStride = kSubX + 1;
 
-    float4 pixels[kSubY][kSubX];               ///< dL/dpixel, and its part from the background
-    float4 batch[kRows / kOwn][kSplatStride];  ///< the splats of a lane behind each other, as PackedSplat has them
-    float4 sums[kOwn][2 * kRows / kOwn][kSumStride];  ///< by half splat, in the order of HalfOfLane, and column
-    std::uint8_t list[kChunk];                        ///< instances of the chunk that changed a pixel of the sub-tile
+    float4 pixels[kSubY][kSubX];                ///< dL/dpixel, and its part from the background
+    float4 batch[kBatch / kOwn][kSplatStride];  ///< the splats of a lane behind each other, as PackedSplat has them
+    float4 sums[kOwn][2 * kBatch / kOwn][kSumStride];  ///< by half splat, in the order of HalfOfLane, and column
+    std::uint8_t list[kChunk];                         ///< instances of the chunk that changed a pixel of the sub-tile
 };
 
 /// What a lane works on: fragments of a column of pixels and of a group of splats. Neighbours that differ in the lowest
@@ -121,7 +121,7 @@ __device__ float sum_over_columns(const float (&x)[kOwn], int lane) {
     return sum + __shfl_xor_sync(~0u, sum, 1);
 }
 
-/// Adds the gradients of a batch to its splats. `h` and `w` are those of a lane's fragments, by splat and pixel.
+/// Adds the gradients of a batch to its splats. `h` and `w` are those of a lane's fragments, by pixel and splat.
 /// `target` is that of the splat which this lane and its neighbour share.
 template <bool kFixedOrder>
 __device__ void add_gradients(WarpMemory& memory, const float (&h)[kSubY][kOwn], const float (&w)[kSubY][kOwn],
@@ -149,48 +149,46 @@ __device__ void add_gradients(WarpMemory& memory, const float (&h)[kSubY][kOwn],
     }
     const float own_blue = sum_over_columns(blue, lane);
     __syncwarp();
-    const float4* const columns = memory.sums[0][lane];
+    const HalfOfLane half(lane);
+    const float4* const columns = memory.sums[half.own][2 * half.group + half.second];
     float4 own = columns[0];
 #pragma unroll
     for (int k = 1; k < kSubX; ++k)
         own.x += columns[k].x, own.y += columns[k].y, own.z += columns[k].z, own.w += columns[k].w;
     if (target == kNobody) return;
-    const bool second = HalfOfLane(lane).second;
     PackedSums* to = sums + (kFixedOrder ? std::size_t(target) * kSubTiles + sub_tile : target);
-    float4* const place = &to->a + second;
+    float4* const place = &to->a + half.second;
     if (kFixedOrder) {
         *place = own;
-        if (second) to->c.x = own_blue;
+        if (half.second) to->c.x = own_blue;
     } else {
         add(place, own);
-        if (second) atomicAdd(&to->c.x, own_blue);
+        if (half.second) atomicAdd(&to->c.x, own_blue);
     }
 }
 
-/// A pixel as the forward pass left it, and the gradient for it.
+/// A pixel as the forward pass left it, and the gradient for it. Outside the image nothing is seen.
 struct PixelToPass {
+    bool inside;
     float r = 0, g = 0, b = 0, transmittance = 0;  ///< the pixel
     float dr = 0, dg = 0, db = 0;                  ///< dL/dpixel
-    float4 before{};                               ///< colour and transmittance before the chunk
 
-    __device__ PixelToPass(int2 pixel, const BlendChunk& chunk, int in_tile, const BlendImage& image,
-                           const float* __restrict__ dL_dimage, const BlendTrail& trail) {
-        if (pixel.x >= image.width || pixel.y >= image.height) return;
+    __device__ PixelToPass(int2 pixel, const BlendImage& image, const float* __restrict__ dL_dimage)
+        : inside(pixel.x < image.width && pixel.y < image.height) {
+        if (!inside) return;
         const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x,
                           plane = std::size_t(image.width) * image.height;
         r = image.rgb[i], g = image.rgb[i + plane], b = image.rgb[i + 2 * plane],
         transmittance = image.transmittance[i];
         dr = dL_dimage[i], dg = dL_dimage[i + plane], db = dL_dimage[i + 2 * plane];
-        before = make_float4(0, 0, 0, 1);
-        if (chunk.first)
-            before = trail.checkpoints[checkpoint_before(chunk.tile_begin, chunk.first) * kCudaTilePixels + in_tile];
     }
     /// Returns dL/dpixel, and its part from the background.
     __device__ float4 gradient(const Vec3<float>& bg) const {
         return make_float4(dr, dg, db, transmittance * (dr * bg.x + dg * bg.y + db * bg.z));
     }
-    /// Returns the transmittance, and dL/dpixel . what lies behind.
-    __device__ float2 state() const {
+    /// Returns the transmittance, and dL/dpixel . what lies behind. `before` has colour and transmittance before the
+    /// chunk.
+    __device__ float2 state(const float4& before) const {
         return make_float2(before.w, (r - before.x) * dr + (g - before.y) * dg + (b - before.z) * db);
     }
 };
@@ -203,16 +201,21 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
                            PackedSums* __restrict__ sums) {
     const int lane = threadIdx.x & 31;
     const int2 corner = sub_tile_corner({int(chunk.corner & 0xffff), int(chunk.corner >> 16)}, sub_tile);
-    // All that is read depends on nothing else, and is on its way at once.
+    // What is read here depends on nothing else, and is on its way at once.
     const std::uint32_t processed = trail.processed[chunk.tile * kSubTiles + sub_tile];
     const std::uint32_t* hits =
         trail.hits + ((first_group(chunk.tile, chunk.tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
     unsigned word_of_lane = lane < kChunk / 32 ? hits[lane * kSubTiles] : 0;
-    const PixelToPass of_lane(pixel_of(corner, lane), chunk, sub_tile * 32 + lane, image, dL_dimage, trail);
+    const PixelToPass of_lane(pixel_of(corner, lane), image, dL_dimage);
     // Where its pixels were finished, a sub-tile has neither lists nor states.
     const int count = min(int(processed) - int(chunk.first), kChunk);
     if (count <= 0) return;
     if (lane * 32 >= count) word_of_lane = 0;
+    float4 before_chunk = make_float4(0, 0, 0, of_lane.inside ? 1 : 0);
+    if (of_lane.inside && chunk.first) {
+        const std::size_t checkpoint = checkpoint_before(chunk.tile_begin, chunk.first);
+        before_chunk = trail.checkpoints[checkpoint * kCudaTilePixels + sub_tile * 32 + lane];
+    }
     const std::uint32_t begin = chunk.tile_begin + chunk.first;
     int listed = 0;
 #pragma unroll
@@ -233,12 +236,13 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         if (target == kNobody) return HalfSplat{};
         return HalfSplat(splats[kFixedOrder ? bins.gaussians[target] : target], half.second);
     };
-    std::uint32_t target = target_from(0), next = target_from(kRows);
+    std::uint32_t target = target_from(0), next = target_from(kBatch);
     HalfSplat splat = fetch(target);
     const auto [column, group] = LaneOf(lane);
     float t[kSubY], behind[kSubY];
+    // Lanes have loaded pixels side by side, and find those of their columns in shared memory.
     float2* const states = reinterpret_cast<float2*>(memory.sums);
-    states[lane] = of_lane.state();
+    states[lane] = of_lane.state(before_chunk);
     memory.pixels[lane / kSubX][lane % kSubX] = of_lane.gradient(image.background);
     __syncwarp();
 #pragma unroll
@@ -250,11 +254,11 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
 #pragma unroll
     for (int y = 0; y < kSubY; ++y) finish(y);
     const float px = corner.x + column + 0.5f;
-    for (int first = 0; first < listed; first += kRows) {
+    for (int first = 0; first < listed; first += kBatch) {
         splat.store(&memory.batch[half.group][3 * half.own], half.second);
         __syncwarp();
         splat = fetch(next);  // on its way while this batch is worked on
-        const std::uint32_t after = target_from(first + 2 * kRows);
+        const std::uint32_t after = target_from(first + 2 * kBatch);
         float alpha[kSubY][kOwn], slope[kSubY][kOwn];  // later h and w
 #pragma unroll
         for (int i = 0; i < kOwn; ++i) {

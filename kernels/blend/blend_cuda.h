@@ -32,7 +32,7 @@ struct alignas(16) PackedSums {
     __device__ SplatSums<float> sums() const { return {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x}; }
 };
 
-/// A part of a tile's list. Each of the tile's sub-tiles walks it with a warp of its own.
+/// A part of a tile's list. A warp walks it for two of the tile's sub-tiles, one after the other.
 struct alignas(16) BlendChunk {
     std::uint32_t tile, tile_begin;  ///< the tile, and the first instance of its list
     std::uint32_t first;             ///< instances first .. first+kChunk of the tile
@@ -45,7 +45,7 @@ struct BlendTrail {
     BlendChunk* chunks = nullptr;
     std::uint32_t* hits = nullptr;       ///< by 32 instances and sub-tile: which of them changed a pixel of it
     std::uint32_t* processed = nullptr;  ///< by tile and sub-tile: instances until all its pixels were finished
-    unsigned* next_item = nullptr;       ///< the next chunk and sub-tile for a warp of the backward pass
+    unsigned* next_item = nullptr;       ///< the next chunk and two sub-tiles for a warp of the backward pass
     float4* zeros = nullptr;             ///< what the forward pass sets to 0 beside its work
     std::size_t num_zeros = 0;
 };

@@ -8,7 +8,7 @@ namespace {
 __global__ void __launch_bounds__(kSumThreads* kSumColumns)
     sum_columns(SparseRows in, int rows, int width, float* __restrict__ out) {
     const int column = blockIdx.x * kSumColumns + threadIdx.x;
-    const float sum = sum_of_column(in, rows, width, column);
+    const float sum = sum_of_set_rows(in, rows, width, column);
     if (threadIdx.y == 0 && column < width) out[column] = sum;
 }
 

@@ -20,7 +20,7 @@ inline constexpr int kSumThreads = 64, kSumColumns = 8;
 
 /// Returns the sum of a column in the threads whose threadIdx.y is 0. Adds in a fixed order. All threads of the block
 /// call it; columns from `width` on have no values.
-__device__ inline float sum_of_column(const SparseRows& in, int rows, int width, int column) {
+__device__ inline float sum_of_set_rows(const SparseRows& in, int rows, int width, int column) {
     constexpr int kRowsAtOnce = 4096;
     __shared__ std::uint8_t is_set[kRowsAtOnce];
     __shared__ float partial[kSumThreads][kSumColumns];

@@ -171,9 +171,10 @@ std::vector<Option> precision_options() {
         choice("appearance-storage", &O::appearance_storage,
                "on the GPU: precision in which frames read what makes colours depend on the view; it is trained in "
                "single precision"),
-        choice("appearance-moments", &O::appearance_moments,
-               "on the GPU: precision of the optimizer's moments of the same parameters; fp32 takes half as much "
-               "memory again to train them, and more time"),
+        choice(
+            "appearance-moments", &O::appearance_moments,
+            "on the GPU: precision of the optimizer's moments of the same parameters, which the CPU has in fp32; fp32 "
+            "takes half as much memory again to train them, and more time"),
     };
 }
 

@@ -23,12 +23,14 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
         pixels = std::max(pixels, double(v.camera.width) * v.camera.height);
     }
     const double budget = double(parse_bytes(options.image_cache));
-    const int floats = 3 + 3 + 4 + 1 + 3 + appearance_model(appearance.model).residual_width(appearance.max_degree);
+    const int residual = appearance_model(appearance.model).residual_width(appearance.max_degree);
     // Bytes of the parameters, two Adam moments and the buffers of a step. CPU: splat 40, tile list and counts 8, depth
     // key 8, last step 4 bytes; image, transmittance, gradient, target, nine SSIM derivative maps. CUDA: the values
     // that `gsapp bench` prints.
     const bool cuda = uses_cuda(options.device);
-    const double per_gaussian = 12.0 * floats + (cuda ? 104 : 60), per_pixel = cuda ? 60 : 4.0 * (3 + 1 + 3 + 3 + 9);
+    const bool packed = cuda && options.appearance_moments == AppearanceMoments::kBf16;
+    const double per_gaussian = 12.0 * (3 + 3 + 4 + 1 + 3) + (packed ? 8.0 : 12.0) * residual + (cuda ? 104 : 60),
+                 per_pixel = cuda ? 60 : 4.0 * (3 + 1 + 3 + 3 + 9);
     const int per_instance = (cuda ? 21 : 58) + (cuda && options.deterministic ? 288 : 0);
     const std::int64_t most =
         options.strategy == Strategy::kNone ? num_gaussians : std::max(num_gaussians, options.cap_max);

@@ -188,12 +188,13 @@ struct Sum {
     void add(double term, double magnitude) { v += term, size += magnitude; }
 };
 
-/// The roundings of a sum over a sub-tile, relative to the sum of magnitudes: TF32 halves of both factors keep 2^-21 of
-/// a product (8 u), a product of matrices cuts 9 numbers off at 2^-23 of the largest (18 u), and moments are moved from
-/// the sub-tile's centre to the mean (4 u).
-constexpr double kSumUnits = 8 + 18 + 4;
-/// Moments are taken about the sub-tile's centre, at most this far from a pixel of it in x and y together.
-constexpr double kMomentShift = 7;
+/// The roundings of a sum over a sub-tile, relative to the sum of magnitudes: those of four products and their sum over
+/// a column (4 u), of moments moved from the middle of the column to the mean (4 u), and of the sum over eight columns
+/// (7 u).
+constexpr double kSumUnits = 4 + 4 + 7;
+/// The middle of a column is at most 1.5 pixels from one of its own. Both the mean's distance from it and the pixel's
+/// are factors of what cancels.
+constexpr double kMomentShift = 3;
 double noise_of_sum(const Sum& s) { return s.v + kSumUnits * kRoundoff * s.size * Noise::next(); }
 
 struct PixelSums {
@@ -393,7 +394,7 @@ template <class Model> class Sample {
             const FragmentAlpha<Noisy> f = scene_.fragment(s, x, y);
             const FragmentGradient<Noisy> d =
                 fragment_gradient<Noisy, Noisy>(p, f.alpha, color_gradient(p, s.color.x, s.color.y, s.color.z));
-            const double h = d.h.v, dx = f.dx.v, dy = f.dy.v, size = std::abs(h), X = std::abs(dx) + kMomentShift,
+            const double h = d.h.v, dx = f.dx.v, dy = f.dy.v, size = std::abs(h), X = std::abs(dx),
                          Y = std::abs(dy) + kMomentShift;
             Sum* to = sums[k].s;
             to[0].add(h, size), to[1].add(h * dx, size * X), to[2].add(h * dy, size * Y);

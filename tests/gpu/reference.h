@@ -10,8 +10,8 @@
 // that sums take on a device (noise_of_sum in reference.cpp). Their allowance is kSpread times the root mean square of
 // a Gaussian's largest component in a group. Four samples underestimate a standard deviation to a tenth once in 5000
 // cases, and errors of three standard deviations are usual among thousands of numbers: 30, and the rest for what rounds
-// in one direction only (tensor cores cut off). Fragments at a threshold that no sample decides the other way are not
-// in it; kBeyond of the numbers may be beyond their allowance for that.
+// in one direction only (the tensor cores of neural models cut off). Fragments at a threshold that no sample decides
+// the other way are not in it; kBeyond of the numbers may be beyond their allowance for that.
 #pragma once
 
 #include <array>
