@@ -29,8 +29,8 @@ struct WarpMemory {
 
     float4 pixels[kSubY][kSubX];                ///< dL/dpixel, and its part from the background
     float4 batch[kBatch / kOwn][kSplatStride];  ///< the splats of a lane behind each other, as PackedSplat has them
-    float4 sums[kOwn][2 * kBatch / kOwn][kSumStride];  ///< by half splat, in the order of HalfOfLane, and column
-    std::uint8_t list[kChunk];                         ///< instances of the chunk that changed a pixel of the sub-tile
+    float4 sums[2 * kBatch][kSumStride];        ///< by half splat, in the order of HalfOfLane, and column
+    std::uint8_t list[kChunk];                  ///< instances of the chunk that changed a pixel of the sub-tile
 };
 
 /// What a lane works on: fragments of a column of pixels and of a group of splats. Neighbours that differ in the lowest
@@ -144,13 +144,14 @@ __device__ void add_gradients(WarpMemory& memory, const float (&h)[kSubY][kOwn],
         }
         const float2 mean = *reinterpret_cast<const float2*>(&memory.batch[group][3 * i]);
         const float dx = mean.x - px, dy = mean.y - centre_y, hx = dx * m0, hy = dy * m0 - m1;
-        memory.sums[i][2 * group][column] = make_float4(m0, hx, hy, dx * hx);
-        memory.sums[i][2 * group + 1][column] = make_float4(dx * hy, dy * (hy - m1) + m2, red, green);
+        const int half_splat = 8 * i + 2 * group;
+        memory.sums[half_splat][column] = make_float4(m0, hx, hy, dx * hx);
+        memory.sums[half_splat + 1][column] = make_float4(dx * hy, dy * (hy - m1) + m2, red, green);
     }
     const float own_blue = sum_over_columns(blue, lane);
     __syncwarp();
     const HalfOfLane half(lane);
-    const float4* const columns = memory.sums[half.own][2 * half.group + half.second];
+    const float4* const columns = memory.sums[lane];
     float4 own = columns[0];
 #pragma unroll
     for (int k = 1; k < kSubX; ++k)
