@@ -107,7 +107,8 @@ TEST(CoarserLevels, SiteNamesThemWithThePsnrOfTheirFiles) {
         EXPECT_EQ(scene.center, read_ngsplat(site / "scene.ngsplat").center);
         EXPECT_EQ(scene.trailer.find("level_of") != std::string::npos, k > 0);
         const double psnr = levels[k].at("psnr");
-        EXPECT_NEAR(psnr, psnr_of_file(site / file, saved.options), 1e-6) << file;
+        // One byte of a picture that rounds the other way is 2e-6 dB.
+        EXPECT_NEAR(psnr, psnr_of_file(site / file, saved.options), 1e-5) << file;
         EXPECT_GT(std::abs(psnr - last), 1e-4) << "the test tells levels apart";
         last = psnr;
     }
