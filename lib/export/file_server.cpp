@@ -126,11 +126,11 @@ int refusal(const httplib::Request& request) {
 /// Answers with a file, or a range of it. Returns the status; an error has no body yet.
 int answer_file(const std::optional<fs::path>& file, const std::shared_ptr<void>& held, httplib::Request& request,
                 httplib::Response& response) {
-    std::error_code error;
-    const auto size = file ? fs::file_size(*file, error) : 0;
     const auto stream = std::make_shared<std::ifstream>();
-    if (file) stream->open(*file, std::ios::binary);
-    if (!file || error || !*stream) return 404;
+    if (file) stream->open(*file, std::ios::binary | std::ios::ate);
+    // The size of what is open: a training may have put another file at its address since.
+    const std::streamoff size = file ? std::streamoff(stream->tellg()) : -1;
+    if (size < 0) return 404;
     if (!keep_one_range(request, ssize_t(size))) {
         response.set_header("Content-Range", fmt::format("bytes */{}", size));
         return 416;
@@ -142,7 +142,7 @@ int answer_file(const std::optional<fs::path>& file, const std::shared_ptr<void>
         response.set_content("", content_type(*file));
         return 200;
     }
-    response.set_content_provider(size, content_type(*file),
+    response.set_content_provider(std::size_t(size), content_type(*file),
                                   [stream, held](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
                                       std::string bytes(std::min(length, kChunk), '\0');
                                       stream->seekg(std::streamoff(offset));
