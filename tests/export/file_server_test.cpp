@@ -235,6 +235,27 @@ TEST_F(Served, ManyRequestsOverOneConnection) {
     EXPECT_TRUE(client.is_ended());
 }
 
+/// As the pictures of a training are, while a browser asks for them.
+TEST_F(Served, FilesThatAreReplacedArriveWhole) {
+    const std::string texts[] = {std::string(10, 'a'), std::string(40'000, 'b')};
+    spit(folder_ / "site/live.txt", texts[0]);
+    std::atomic<bool> stop = false;
+    std::thread writer([&] {
+        for (int k = 1; !stop; ++k) {
+            spit(folder_ / "next.txt", texts[k % 2]);
+            fs::rename(folder_ / "next.txt", folder_ / "site/live.txt");
+        }
+    });
+    int broken = 0;
+    for (int k = 0; k < 500; ++k) {
+        const HttpResult result = get("/live.txt");
+        broken += result.body != texts[0] && result.body != texts[1];
+    }
+    stop = true;
+    writer.join();
+    EXPECT_EQ(broken, 0);
+}
+
 TEST_F(Served, IdleAndTricklingClientsDelayNobodyAndDoNotKeepTheServerFromStopping) {
     allow_many_open_files();
     std::list<HttpClient> idle, trickling, deaf;
