@@ -47,7 +47,7 @@ struct HalfOfLane {
     int group, own;  ///< the own-th splat of the group
     bool second;
 
-    __device__ explicit HalfOfLane(int lane) : group(lane / 2 % 4), own(lane / 8), second(lane % 2) {}
+    __device__ explicit HalfOfLane(int lane) : group(LaneOf(lane).group), own(lane / 8), second(lane % 2) {}
     __device__ int row() const { return group * kOwn + own; }
 };
 
@@ -89,24 +89,24 @@ __device__ OfColumn sum_of_column(float x) {
 template <bool kEnds>
 __device__ void pass_fragments(float (&alpha)[kOwn], float (&slope)[kOwn], float t, float& behind, float background,
                                const Cutoffs<float>& cutoffs) {
-    float colors = 0, left[kOwn], color[kOwn];
+    float colors = 0, left[kOwn];
+    PassedFragment<float> passed[kOwn];
 #pragma unroll
     for (int i = 0; i < kOwn; ++i) {
         if (kEnds) alpha[i] = t >= cutoffs.transmittance ? alpha[i] : 0;
         const float w = t * alpha[i];
-        color[i] = w * slope[i], slope[i] = w;
+        passed[i] = {alpha[i], w, w * slope[i], inverse_passed<float, float>(alpha[i])};
         left[i] = t -= w;
-        colors += color[i];
+        colors += passed[i].color;
     }
-    const OfColumn passed = sum_of_column(colors);
-    float rest = behind - passed.before;
-    behind -= passed.all;
+    const OfColumn light = sum_of_column(colors);
+    float rest = behind - light.before;
+    behind -= light.all;
 #pragma unroll
     for (int i = 0; i < kOwn; ++i) {
-        rest -= color[i];
+        rest -= passed[i].color;
         if (kEnds) rest = left[i] >= cutoffs.transmittance ? rest : background;  // as pass_fragment() has it
-        const float inverse = reciprocal(lane_max(1 - alpha[i], float(kMinOneMinusAlpha)));
-        alpha[i] = gs_fma(alpha[i] * inverse, rest, -color[i]);
+        alpha[i] = shape_factor(passed[i], rest), slope[i] = passed[i].w;
     }
 }
 
@@ -272,7 +272,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
                 const float of_pixel =
                     fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, px, corner.y + y + 0.5f).alpha;
                 alpha[y][i] = of_pixel >= image.cutoffs.alpha ? of_pixel : 0;
-                slope[y][i] = gs_fma(b.w, g.x, gs_fma(c.x, g.y, c.y * g.z));
+                slope[y][i] = color_gradient(PixelBackward<float>{.gr = g.x, .gg = g.y, .gb = g.z}, b.w, c.x, c.y);
             }
         }
         float before[kSubY];  // the transmittance before this lane's splats

@@ -81,12 +81,16 @@ template <class P> struct PassedFragment {
     P inverse;  ///< 1 / (1 - alpha)
 };
 
+/// Returns 1 / (1 - alpha), with the floor of the backward pass.
+template <class P, class T> GS_HD P inverse_passed(P alpha) {
+    return reciprocal(lane_max(P(T(1)) - alpha, P(T(kMinOneMinusAlpha))));
+}
+
 /// Passes one fragment on the way from front to back. `t`, `behind` and `background` are those of PixelBackward;
 /// color_gradient is dL/dpixel . colour of the fragment.
 template <class P, class T>
 GS_HD PassedFragment<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient,
                                       const Cutoffs<T>& cutoffs) {
-    const P one(T(1));
     const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(t, P(cutoffs.transmittance));
     alpha = select(active, alpha, P(T(0)));
     const P w = t * alpha, color = w * color_gradient;
@@ -94,7 +98,12 @@ GS_HD PassedFragment<P> pass_fragment(P& t, P& behind, P background, P alpha, P 
     // Nothing but the background lies behind the fragment that finishes a pixel. Setting `behind` to it removes the one
     // badly conditioned case: rounding noise times 1/(1-alpha), which is up to 1e6.
     behind = select(at_least(t, P(cutoffs.transmittance)), behind - color, background);
-    return {alpha, w, color, reciprocal(lane_max(one - alpha, P(T(kMinOneMinusAlpha))))};
+    return {alpha, w, color, inverse_passed<P, T>(alpha)};
+}
+
+/// Returns the factor h of a passed fragment; `behind` is dL/dpixel . (light that is still to come behind it).
+template <class P> GS_HD P shape_factor(const PassedFragment<P>& f, P behind) {
+    return gs_fma(f.alpha * f.inverse, behind, -f.color);
 }
 
 /// Returns dL/dpixel . colour of a fragment.
@@ -106,7 +115,7 @@ template <class P, class T>
 GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P color_gradient,
                                             const Cutoffs<T>& cutoffs = {}) {
     const PassedFragment<P> f = pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_gradient, cutoffs);
-    return {f.w, gs_fma(f.alpha * f.inverse, s.behind, -f.color)};
+    return {f.w, shape_factor(f, s.behind)};
 }
 
 /// The front-to-back state of a pixel while its fragments are scored. It is the state of PixelBackward for L = I, the
