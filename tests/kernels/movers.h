@@ -14,19 +14,26 @@
 
 namespace gs::test {
 
-/// Returns whether row i has the same parameters and moments in both models. Residuals may differ by a rounding where
-/// `rounded`: a device steps whole warps of them by other instructions.
-inline bool same_row(const Gaussians& a, const Gaussians& b, std::int64_t i, bool rounded = false) {
-    const auto same = [&](float x, float y) {
-        return x == y || (rounded && std::abs(x - y) <= 1e-5f * std::max(std::abs(x), std::abs(y)));
+/// By how much residuals and their moments may differ, relative to their values: a device steps whole warps of them by
+/// other instructions.
+struct Rounding {
+    float parameters = 0, moments = 0;
+};
+
+/// Returns whether row i has the same parameters and moments in both models.
+inline bool same_row(const Gaussians& a, const Gaussians& b, std::int64_t i, const Rounding& rounding = {}) {
+    const auto same = [](float x, float y, float relative) {
+        return std::abs(x - y) <= relative * std::max(std::abs(x), std::abs(y));
     };
     for (int g = 0; g < kNumGroups; ++g) {
         const auto &x = a.groups[g], &y = b.groups[g];
         const auto begin = std::size_t(i) * x.width, end = begin + x.width;
         if (end > x.param.size()) continue;  // it has no residual
-        for (const auto& [p, q] : {std::pair{&x.param, &y.param}, {&x.m, &y.m}, {&x.v, &y.v}})
-            for (auto k = begin; k < end; ++k)
-                if (g == int(Group::kResidual) ? !same((*p)[k], (*q)[k]) : (*p)[k] != (*q)[k]) return false;
+        const Rounding of_group = g == int(Group::kResidual) ? rounding : Rounding{};
+        for (auto k = begin; k < end; ++k)
+            if (!same(x.param[k], y.param[k], of_group.parameters) || !same(x.m[k], y.m[k], of_group.moments) ||
+                !same(x.v[k], y.v[k], of_group.moments))
+                return false;
     }
     return true;
 }
@@ -50,8 +57,8 @@ inline Gaussians stepped_model(Backend& backend, const RankViews& views) {
 }
 
 /// Expects that a step for visible Gaussians leaves all others as they are, and moves the visible ones, which have
-/// missed none, as a step for all does. The backend repeats itself to the bit; `rounded` as in same_row.
-inline void expect_that_only_visible_move(Backend& backend, const RankViews& views, bool rounded = false) {
+/// missed none, as a step for all does. The backend repeats itself to the bit.
+inline void expect_that_only_visible_move(Backend& backend, const RankViews& views, const Rounding& rounding = {}) {
     const Gaussians before = stepped_model(backend, views);
     const auto after_step = [&](bool only_visible) {
         StepRequest r = narrow_step(views, only_visible);
@@ -66,7 +73,7 @@ inline void expect_that_only_visible_move(Backend& backend, const RankViews& vie
         SCOPED_TRACE("Gaussian " + std::to_string(i));
         const bool shown = all.gradient_count[i] > 0;
         EXPECT_EQ(shown, visible.gradient_count[i] > 0);
-        EXPECT_TRUE(shown ? same_row(all, visible, i, rounded) : same_row(before, visible, i));
+        EXPECT_TRUE(shown ? same_row(all, visible, i, rounding) : same_row(before, visible, i));
         EXPECT_FALSE(same_row(before, all, i));
         ++(shown ? seen : unseen);
     }
