@@ -13,6 +13,7 @@
 #include "kernels/core/half_range.h"
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/densify/residual_handles_cuda.h"
+#include "kernels/loss/loss_sums_cuda.cuh"
 
 namespace gs {
 namespace {
@@ -30,10 +31,13 @@ std::uint32_t bits_of(float x) {
     return bits;
 }
 
-__global__ void report_step(const StepControl* control, StepStatus* status) {
+__global__ void __launch_bounds__(kLossSumThreads)
+    report_step(const StepControl* control, CudaLossSums sums, StepStatus* status) {
+    const double2 loss = add_up(sums);
+    if (threadIdx.x > 0) return;
     status->num_instances = control->num_instances;
     status->num_pairs = control->num_pairs;
-    status->l1 = control->l1, status->ssim = control->ssim;
+    status->l1 = loss.x, status->ssim = loss.y;
     status->num_visible = control->num_visible;
     status->num_nonfinite = control->num_nonfinite;
     status->stopped = control->stopped;
@@ -279,6 +283,9 @@ std::size_t CudaBackend::bytes_of(const Sizes& sizes) {
 }
 
 void CudaBackend::lay_out_view(const CameraParams<float>& camera, std::int64_t n, bool for_backward) {
+    if (std::max(camera.width, camera.height) > kMaxSide)
+        throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
+                          " pixels: the CUDA backend takes up to " + std::to_string(kMaxSide) + " a side");
     if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * n, 1 << 16);
     const auto try_capacity = [&] {
         lay_out({for_backward ? Layout::kStep : Layout::kFrame, n, capacity_, camera.width, camera.height, wire_.placed,
@@ -341,9 +348,6 @@ BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<floa
 
 CudaBins CudaBackend::enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
                                      bool for_backward, const std::function<void()>& fill, std::int64_t most) {
-    if (std::max(camera.width, camera.height) > kMaxSide)
-        throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
-                          " pixels: the CUDA backend takes up to " + std::to_string(kMaxSide) + " a side");
     lay_out_view(camera, n, for_backward);
     largest_width_ = std::max(largest_width_, camera.width), largest_height_ = std::max(largest_height_, camera.height);
     times_.begin(stream_);
@@ -418,13 +422,13 @@ CudaBins CudaBackend::forward_whole(const RenderRequest& r, bool for_backward) {
     });
 }
 
-void CudaBackend::report_to(int slot) {
-    report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_ + slot);
+void CudaBackend::report_to(int slot, const CudaLossSums& loss) {
+    report_step<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss, statuses_ + slot);
     GS_CUDA_LAUNCHED("report_step");
 }
 
-const StepStatus& CudaBackend::read_status() {
-    report_to(0);
+const StepStatus& CudaBackend::read_status(const CudaLossSums& loss) {
+    report_to(0, loss);
     GS_CUDA(cudaStreamSynchronize(stream_));
     return *statuses_;
 }
@@ -460,6 +464,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
         most = std::max(most, std::int64_t(statuses_->num_instances));
     }
     capacity_ = most;
+    LaunchGraph graph;
     cudaEvent_t begin, end;
     GS_CUDA(cudaEventCreate(&begin));
     GS_CUDA(cudaEventCreate(&end));
@@ -467,7 +472,8 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
     for (int k = 0; k < repeats; ++k)
         for (const RenderRequest& view : views) {
             PreprocessArgs args = frame_args(view);
-            enqueue_forward(args, view.background, false);
+            lay_out_view(view.camera, model_.count, false);
+            graph.run(stream_, [&] { enqueue_forward(args, view.background, false); });
             if (ppisp_.corrects(view.isp))
                 ppisp_.apply(view.isp, image_, view.camera.width, view.camera.height, image_, stream_);
         }
@@ -539,6 +545,13 @@ void CudaBackend::launch(Step s, const TargetImage& target) {
 }
 
 void CudaBackend::enqueue(const Step& s) {
+    lay_out_view(s.request.camera, model_.count, true);
+    const ModelArrays arrays = s.adam_step && model_.count > 0 ? arrays_of_step(s.request) : ModelArrays{};
+    step_graph_.run(stream_, [&] { enqueue_kernels(s, arrays); });
+    GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
+}
+
+void CudaBackend::enqueue_kernels(const Step& s, const ModelArrays& arrays) {
     const StepRequest& r = s.request;
     StepControl* control = control_.get();
     PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
@@ -547,9 +560,8 @@ void CudaBackend::enqueue(const Step& s) {
     if (s.isp_step) ppisp_.step_parameters(r.isp_rate, s.isp_step, control, stream_);
     times_.end(CudaStage::kCorrectBackward, stream_);
     if (s.controller_step) ppisp_.step_controller(image_, r.isp_rate, s.controller_step, control, stream_);
-    if (s.adam_step) enqueue_gaussians(s, args, bins);
-    report_to(s.slot);
-    GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
+    if (s.adam_step) enqueue_gaussians(s, args, bins, arrays);
+    report_to(s.slot, loss_.sums());
 }
 
 void CudaBackend::enqueue_loss(const StepRequest& r, const DeviceTarget& target) {
@@ -592,16 +604,15 @@ ModelArrays CudaBackend::arrays_of_step(const StepRequest& r) {
     return arrays;
 }
 
-void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, const CudaBins& bins) {
+void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, const CudaBins& bins,
+                                    const ModelArrays& arrays) {
     const StepRequest& r = s.request;
     const std::int64_t n = model_.count;
     StepControl* control = control_.get();
     enqueue_sums(r, n, bins);
     times_.end(CudaStage::kBlendBackward, stream_);
-    if (n > 0) {
-        const ModelArrays arrays = arrays_of_step(r);
+    if (n > 0)
         kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
-    }
     times_.end(CudaStage::kUpdate, stream_);
 }
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA backend: one stream of steps, with the host running ahead of it. Only .cu files include this header.
 //
-// The host never waits inside a step. A capacity bounds the sizes that it cannot know (the number of instances of a
-// view), and a forecast what of it a view is likely to need. A step that does not fit changes nothing, and neither do
-// those after it. Up to three steps later the host reads this in the step's status, makes room and repeats them.
+// The host never waits inside a step, whose kernels are launched as one graph. A capacity bounds the sizes that it
+// cannot know (the number of instances of a view), and a forecast what of it a view is likely to need. A step that does
+// not fit changes nothing, and neither do those after it. Up to three steps later the host reads this in the step's
+// status, makes room and repeats them.
 #pragma once
 
 #include <deque>
@@ -18,6 +19,7 @@
 #include "kernels/backends/stage_times_cuda.h"
 #include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/blend/score_cuda.h"
+#include "kernels/cuda/launch_graph.h"
 #include "kernels/densify/densify_cuda.h"
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/optimizer/lazy_cuda.h"
@@ -145,13 +147,16 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void take(Carver& c, const Sizes& sizes);
     void lay_out(const Sizes& sizes);
     /// Lays out a view of `n` splats, with less room for instances if there is no memory for what is made ahead of
-    /// need.
+    /// need. Throws DeviceError if the view is too large.
     void lay_out_view(const CameraParams<float>& camera, std::int64_t n, bool for_backward);
     /// Returns the bytes of the scratch block that such sizes take.
     std::size_t bytes_of(const Sizes& sizes);
+    /// Lays out a step, and launches its kernels.
     void enqueue(const Step& step);
+    void enqueue_kernels(const Step& step, const ModelArrays& arrays);
     /// Enqueues the part after the loss: the Gaussians' gradients and their optimizer step.
-    void enqueue_gaussians(const Step& step, const PreprocessArgs& args, const CudaBins& bins);
+    void enqueue_gaussians(const Step& step, const PreprocessArgs& args, const CudaBins& bins,
+                           const ModelArrays& arrays);
     /// Puts a step in flight, where it stays if it could be enqueued.
     void launch(Step step, const TargetImage& target);
     /// Enqueues the forward pass of `n` splats, which fill() writes with all that binning reads, once their buffers are
@@ -191,10 +196,10 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void keep_last_steps(const StepRequest& r);
     /// Returns the arrays of the model that a step uses.
     ModelArrays arrays_of_step(const StepRequest& r);
-    /// Lets the device write what has become of the work in the stream.
-    void report_to(int slot);
+    /// Lets the device write what has become of the work in the stream, with the loss if it has one.
+    void report_to(int slot, const CudaLossSums& loss);
     /// Waits, and returns what has become of the work in the stream.
-    const StepStatus& read_status();
+    const StepStatus& read_status(const CudaLossSums& loss = {});
     void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
     /// Waits for the oldest step in flight and takes its status. Repeats the steps that were stopped.
     void finish_oldest();
@@ -218,6 +223,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     const BackendOptions options_;
     const Cutoffs<float> cutoffs_;
     cudaStream_t stream_ = nullptr;
+    LaunchGraph step_graph_;
     CudaRankDevice rank_device_{stream_};
     CudaModel model_;
     CudaLazyResiduals lazy_;

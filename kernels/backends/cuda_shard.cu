@@ -8,6 +8,7 @@
 #include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/core/parallel.h"
 #include "kernels/densify/rows_cuda.h"
+#include "kernels/loss/loss_sums_cuda.cuh"
 #include "kernels/optimizer/sum_rows_cuda.h"
 
 namespace gs {
@@ -33,10 +34,12 @@ __global__ void __launch_bounds__(kSharedBlock)
 }
 
 /// Adds the loss of a view to the report on it.
-__global__ void report_view(const StepControl* __restrict__ control, float lambda_dssim, double weight_sum,
-                            ViewReport* __restrict__ out) {
-    out->loss =
-        loss_of_sums(control->l1, control->ssim, lambda_dssim, weight_sum, std::int64_t(control->num_instances));
+__global__ void __launch_bounds__(kLossSumThreads)
+    report_view(const StepControl* __restrict__ control, CudaLossSums sums, float lambda_dssim, double weight_sum,
+                ViewReport* __restrict__ out) {
+    const double2 loss = add_up(sums);
+    if (threadIdx.x > 0) return;
+    out->loss = loss_of_sums(loss.x, loss.y, lambda_dssim, weight_sum, std::int64_t(control->num_instances));
     out->lacks_instances = control->stopped;
 }
 
@@ -165,7 +168,8 @@ void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r,
     enqueue_loss(r, target);
     GS_CUDA(cudaEventRecord(done_[slot], stream_));
     enqueue_sums_of_splats(r, splats, bins);
-    report_view<<<1, 1, 0, stream_>>>(control_.get(), r.lambda_dssim, target.weight_sum, report);
+    report_view<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss_.sums(), r.lambda_dssim, target.weight_sum,
+                                                    report);
     GS_CUDA_LAUNCHED("report_view");
     // Sums may lie where the gradient of PPISP does.
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
@@ -240,7 +244,7 @@ void CudaBackend::distill_splats(const SplatParts& splats, const StepRequest& r)
     enqueue_loss(r, target);
     if (r.isp_rate > 0)
         ppisp_.step_controller(image_, r.isp_rate, ppisp_.begin_controller_step(), control_.get(), stream_);
-    const StepStatus status = read_status();
+    const StepStatus status = read_status(loss_.sums());
     note_loss(status, r.lambda_dssim, target.weight_sum);
     stats_.num_nonfinite_gradients += status.num_nonfinite;
 }

@@ -314,7 +314,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
                         StepControl* __restrict__ control) {
     constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
     __shared__ WarpBytes<Model> warps[kWarps];
-    if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
+    if (control->takes_no_step()) return;
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, width = a.params.residual_width;
     const bool visible = i < a.params.num_residuals && counts[i] > 0;
@@ -403,7 +403,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncthreads();
     }
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
-    if (!isfinite(control->l1 + control->ssim)) {  // a skipped step changes nothing, not even residuals that are behind
+    if (control->loss_not_finite) {  // a skipped step changes nothing, not even residuals that are behind
         if (i < a.params.num_residuals && a.lazy.last_step) ++a.lazy.last_step[i];
         return;
     }
@@ -558,7 +558,7 @@ __global__ void __launch_bounds__(kSumThreads* kSumColumns)
     update_shared_weights(SparseRows sums, int rows, ModelArrays arrays, AdamStep<float> step, AdamGains<float> gains,
                           unsigned* __restrict__ prepared, StepControl* __restrict__ control) {
     constexpr int kShared = kNumSharedOf<Model>;
-    if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
+    if (control->takes_no_step()) return;
     const int k = blockIdx.x * kSumColumns + threadIdx.x;
     const float sum = sum_of_set_rows(sums, rows, kShared, k);
     if (threadIdx.y > 0 || k >= kShared) return;

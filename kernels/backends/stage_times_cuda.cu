@@ -21,8 +21,8 @@ std::vector<StageCost> StageTimes::take(const ResidualCost& residual) {
         {"sort", seconds(CudaStage::kSort), instances_, "instance",
          gaussians_ * (4 + 4) + visible_ * (8 + 16 + 12 + 4 + 8) + instances_ * (6 + 12 + 10),
          visible_ * 20 + instances_ * 10,
-         "five radix passes and four small kernels in a row: below a million keys each takes 4 to 15 us, most "
-         "of it latency, and starts 1 us after the one before it"},
+         "five radix passes and four small kernels in a row: below a million keys each takes 5 to 13 us, most "
+         "of it latency"},
         {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16,
          pairs_ * 20 + instances_ * 120,
          "a third of the instructions find and list splats, not counted in the floor; warps wait for the slowest of "

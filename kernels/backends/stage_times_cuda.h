@@ -53,7 +53,11 @@ class StageTimes {
   private:
     void record(int mark, cudaStream_t stream) {
         if (!marks_[mark]) GS_CUDA(cudaEventCreate(&marks_[mark]));
-        GS_CUDA(cudaEventRecord(marks_[mark], stream));
+        cudaStreamCaptureStatus status;
+        GS_CUDA(cudaStreamIsCapturing(stream, &status));
+        GS_CUDA(cudaEventRecordWithFlags(
+            marks_[mark], stream,
+            status == cudaStreamCaptureStatusActive ? cudaEventRecordExternal : cudaEventRecordDefault));
     }
     cudaEvent_t marks_[kNumCudaStages + 1] = {};
     double seconds_[kNumCudaStages] = {}, gaussians_ = 0, visible_ = 0, moving_ = 0, instances_ = 0, pairs_ = 0,

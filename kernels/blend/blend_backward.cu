@@ -30,7 +30,7 @@ struct WarpMemory {
     float4 pixels[kSubY][kSubX];                ///< dL/dpixel, and its part from the background
     float4 batch[kBatch / kOwn][kSplatStride];  ///< the splats of a lane behind each other, as PackedSplat has them
     float4 sums[2 * kBatch][kSumStride];        ///< by half splat, in the order of HalfOfLane, and column
-    std::uint8_t list[kChunk];                  ///< instances of the chunk that changed a pixel of the sub-tile
+    std::uint32_t list[kChunk];                 ///< those of the chunk that changed a pixel of the sub-tile
 };
 
 /// What a lane works on: fragments of a column of pixels and of a group of splats. Neighbours that differ in the lowest
@@ -198,7 +198,7 @@ struct PixelToPass {
 template <bool kFixedOrder>
 __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
                            const PackedSplat* __restrict__ splats, const BlendImage& image,
-                           const float* __restrict__ dL_dimage, const BlendTrail& trail,
+                           const float* __restrict__ dL_dimage, const BlendTrail& trail, std::uint32_t num_instances,
                            PackedSums* __restrict__ sums) {
     const int lane = threadIdx.x & 31;
     const int2 corner = sub_tile_corner({int(chunk.corner & 0xffff), int(chunk.corner >> 16)}, sub_tile);
@@ -207,6 +207,12 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     const std::uint32_t* hits =
         trail.hits + ((first_group(chunk.tile, chunk.tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
     unsigned word_of_lane = lane < kChunk / 32 ? hits[lane * kSubTiles] : 0;
+    std::uint32_t instances[kChunk / 32];
+#pragma unroll
+    for (int k = 0; k < kChunk / 32; ++k) {
+        const std::uint32_t at = chunk.tile_begin + chunk.first + k * 32 + lane;
+        instances[k] = at < num_instances ? bins.instances[at] : 0;
+    }
     const PixelToPass of_lane(pixel_of(corner, lane), image, dL_dimage);
     // Where its pixels were finished, a sub-tile has neither lists nor states.
     const int count = min(int(processed) - int(chunk.first), kChunk);
@@ -217,12 +223,11 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         const std::size_t checkpoint = checkpoint_before(chunk.tile_begin, chunk.first);
         before_chunk = trail.checkpoints[checkpoint * kCudaTilePixels + sub_tile * 32 + lane];
     }
-    const std::uint32_t begin = chunk.tile_begin + chunk.first;
     int listed = 0;
 #pragma unroll
     for (int group = 0; group < kChunk / 32; ++group) {
         const unsigned word = __shfl_sync(~0u, word_of_lane, group);
-        if (word >> lane & 1) memory.list[listed + __popc(word & ((1u << lane) - 1))] = std::uint8_t(group * 32 + lane);
+        if (word >> lane & 1) memory.list[listed + __popc(word & ((1u << lane) - 1))] = instances[group];
         listed += __popc(word);
     }
     if (listed == 0) return;
@@ -231,13 +236,13 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     const HalfOfLane half(lane);
     const auto target_from = [&](int first) {
         const int k = first + half.row();
-        return k < listed ? bins.instances[begin + memory.list[k]] : kNobody;
+        return k < listed ? memory.list[k] : kNobody;
     };
     const auto fetch = [&](std::uint32_t target) {
         if (target == kNobody) return HalfSplat{};
         return HalfSplat(splats[kFixedOrder ? bins.gaussians[target] : target], half.second);
     };
-    std::uint32_t target = target_from(0), next = target_from(kBatch);
+    std::uint32_t target = target_from(0);
     HalfSplat splat = fetch(target);
     const auto [column, group] = LaneOf(lane);
     float t[kSubY], behind[kSubY];
@@ -258,8 +263,8 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     for (int first = 0; first < listed; first += kBatch) {
         splat.store(&memory.batch[half.group][3 * half.own], half.second);
         __syncwarp();
-        splat = fetch(next);  // on its way while this batch is worked on
-        const std::uint32_t after = target_from(first + 2 * kBatch);
+        const std::uint32_t next = target_from(first + kBatch);
+        splat = fetch(next);                           // on its way while this batch is worked on
         float alpha[kSubY][kOwn], slope[kSubY][kOwn];  // later h and w
 #pragma unroll
         for (int i = 0; i < kOwn; ++i) {
@@ -302,7 +307,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
             pass(std::false_type{});
         }
         add_gradients<kFixedOrder>(memory, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile, lane, sums);
-        target = next, next = after;
+        target = next;
     }
     __syncwarp();  // before the next chunk writes what slower lanes may still read
 }
@@ -318,16 +323,24 @@ __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const unsigned num_items = control->num_chunks * (kSubTiles / 2);
     const auto take = [&] { return lane == 0 ? atomicAdd(trail.next_item, 1u) : 0; };
-    unsigned next = take();
-    while (true) {
-        const unsigned item = __shfl_sync(~0u, next, 0);
-        if (item >= num_items) return;
-        next = take();  // on its way while this one is worked on
-        const BlendChunk chunk = trail.chunks[item / (kSubTiles / 2)];
+    // A lane has one of the four words of the next chunk.
+    const auto word_of = [&](unsigned item) {
+        const auto* const chunks = reinterpret_cast<const std::uint32_t*>(trail.chunks);
+        return item < num_items ? chunks[item / (kSubTiles / 2) * 4 + lane % 4] : 0;
+    };
+    unsigned item = __shfl_sync(~0u, take(), 0);
+    std::uint32_t word = word_of(item);
+    while (item < num_items) {
+        const BlendChunk chunk{__shfl_sync(~0u, word, 0), __shfl_sync(~0u, word, 1), __shfl_sync(~0u, word, 2),
+                               __shfl_sync(~0u, word, 3)};
         const int first = int(item % (kSubTiles / 2)) * 2;
+        const unsigned next = take();  // on its way while the first sub-tile is worked on, its chunk during the second
 #pragma unroll 1
-        for (int sub_tile = first; sub_tile < first + 2; ++sub_tile)
-            walk_chunk<kFixedOrder>(memories[warp], chunk, sub_tile, bins, splats, image, dL_dimage, trail, sums);
+        for (int k = 0; k < 2; ++k) {
+            walk_chunk<kFixedOrder>(memories[warp], chunk, first + k, bins, splats, image, dL_dimage, trail,
+                                    std::uint32_t(control->num_instances), sums);
+            if (k == 0) item = __shfl_sync(~0u, next, 0), word = word_of(item);
+        }
     }
 }
 

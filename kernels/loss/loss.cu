@@ -15,11 +15,12 @@ constexpr int kTile = 32, kHalo = kTile + 2 * kSsimRadius, kThreads = 256;
 constexpr int kAcross = 8, kDown = kTile * kTile / kThreads;  ///< outputs of a thread in a row and in a column
 constexpr int kTapCount = 2 * kSsimRadius + 1;
 
-__constant__ float kTaps[kTapCount];
-
 struct LossArgs {
     CudaLossInput in;
     float l1_step, ssim_step;
+    SsimTaps<float> taps{};
+
+    __device__ float tap(int k) const { return taps.g[k < kSsimRadius ? kSsimRadius - k : k - kSsimRadius]; }
 
     __device__ std::size_t plane() const { return std::size_t(in.target.width) * in.target.height; }
 };
@@ -135,7 +136,7 @@ struct Tile {
 };
 
 /// Sets sums[o] to the filtered value at output o, from input(t) with t = 0 .. kOutputs + 9.
-template <int kOutputs, class Input> __device__ void filter(float (&sums)[kOutputs], Input input) {
+template <int kOutputs, class Input> __device__ void filter(const LossArgs& a, float (&sums)[kOutputs], Input input) {
 #pragma unroll
     for (int o = 0; o < kOutputs; ++o) sums[o] = 0;
 #pragma unroll
@@ -143,27 +144,31 @@ template <int kOutputs, class Input> __device__ void filter(float (&sums)[kOutpu
         const float x = input(t);
 #pragma unroll
         for (int o = 0; o < kOutputs; ++o)
-            if (t - o >= 0 && t - o < kTapCount) sums[o] = fmaf(kTaps[t - o], x, sums[o]);
+            if (t - o >= 0 && t - o < kTapCount) sums[o] = fmaf(a.tap(t - o), x, sums[o]);
     }
 }
 
-/// Returns the sum over the block, valid in thread 0.
-__device__ float block_sum(float value) {
-    __shared__ float parts[kThreads / 32];
+/// Adds a value of each thread up in the first warp, whose lanes get the sum. The other warps do not wait for it, and
+/// must have nothing left to do: returns false in them. May be called once.
+__device__ bool add_up_in_first_warp(float& value) {
+    constexpr int kWarps = kThreads / 32;
+    __shared__ float parts[kWarps];
     value = warp_sum(value);
-    __syncthreads();
     if (threadIdx.x % 32 == 0) parts[threadIdx.x / 32] = value;
-    __syncthreads();
-    float sum = 0;
-    for (float p : parts) sum += p;
-    return sum;
+    if (threadIdx.x >= 32) {
+        asm volatile("bar.arrive 1, %0;" ::"n"(kThreads) : "memory");
+        return false;
+    }
+    asm volatile("bar.sync 1, %0;" ::"n"(kThreads) : "memory");
+    value = warp_sum(threadIdx.x < kWarps ? parts[threadIdx.x] : 0.0f);
+    return true;
 }
 
 __device__ unsigned block_number() { return blockIdx.x + gridDim.x * (blockIdx.y + gridDim.y * blockIdx.z); }
 
 template <class Storage>
 __global__ void __launch_bounds__(kThreads, 4)
-    ssim_maps(LossArgs a, float* __restrict__ maps, float2* __restrict__ partials) {
+    ssim_maps(LossArgs a, float* __restrict__ maps, float2* __restrict__ partials, StepControl* control) {
     __shared__ float2 tile[kHalo][kHalo + 1];  // render, target; the odd stride puts rows into different banks
     __shared__ float rows[5][kHalo][kTile + 1];
     const Tile block;
@@ -212,7 +217,7 @@ __global__ void __launch_bounds__(kThreads, 4)
 #pragma unroll
                 for (int o = 0; o < kAcross; ++o) {
                     if (t - o < 0 || t - o >= kTapCount) continue;
-                    const float g = kTaps[t - o];
+                    const float g = a.tap(t - o);
                     s[0][o] = fmaf(g, v.x, s[0][o]), s[1][o] = fmaf(g, v.y, s[1][o]);
                     s[2][o] = fmaf(g, xx, s[2][o]), s[3][o] = fmaf(g, yy, s[3][o]), s[4][o] = fmaf(g, xy, s[4][o]);
                 }
@@ -226,37 +231,13 @@ __global__ void __launch_bounds__(kThreads, 4)
         float s[5][kDown];
         const int i = threadIdx.x % kTile, first = threadIdx.x / kTile * kDown;
 #pragma unroll
-        for (int m = 0; m < 5; ++m) filter<kDown>(s[m], [&](int t) { return rows[m][first + t][i]; });
+        for (int m = 0; m < 5; ++m) filter<kDown>(a, s[m], [&](int t) { return rows[m][first + t][i]; });
         write([&](int o) { return ssim_pixel(s[0][o], s[1][o], s[2][o], s[3][o], s[4][o]); });
     }
-    sum = block_sum(sum);
-    if (threadIdx.x == 0) partials[block_number()].y = sum;
-}
-
-/// Adds up all partial sums in the block that ends last; each thread adds its share in order.
-__device__ void finish_sums(const float2* partials, StepControl* control) {
-    __shared__ bool last;
-    __shared__ double parts[2][kThreads];
-    const unsigned blocks = gridDim.x * gridDim.y * gridDim.z;
-    if (threadIdx.x == 0) {
-        __threadfence();
-        last = atomicAdd(&control->loss_blocks, 1) == blocks - 1;
+    if (add_up_in_first_warp(sum) && threadIdx.x == 0) {
+        partials[block_number()].y = sum;
+        if (!gs_isfinite(sum)) control->loss_not_finite = 1;
     }
-    __syncthreads();
-    if (!last) return;
-    __threadfence();
-    double l1 = 0, ssim = 0;
-    for (unsigned k = threadIdx.x; k < blocks; k += kThreads) {
-        const float2 p = __ldcg(partials + k);
-        l1 += p.x, ssim += p.y;
-    }
-    parts[0][threadIdx.x] = l1, parts[1][threadIdx.x] = ssim;
-    for (int half = kThreads / 2; half; half /= 2) {
-        __syncthreads();
-        if (int(threadIdx.x) < half)
-            for (auto& p : parts) p[threadIdx.x] += p[threadIdx.x + half];
-    }
-    if (threadIdx.x == 0) control->l1 = parts[0][0], control->ssim = parts[1][0];
 }
 
 template <class Storage>
@@ -288,14 +269,14 @@ __global__ void __launch_bounds__(kThreads, 4)
 #pragma unroll
             for (int m = 0; m < 3; ++m) {
                 float s[kAcross];
-                filter<kAcross>(s, [&](int t) { return tile[m][j][i + t]; });
+                filter<kAcross>(a, s, [&](int t) { return tile[m][j][i + t]; });
 #pragma unroll
                 for (int o = 0; o < kAcross; ++o) rows[m][j][i + o] = s[o];
             }
         }
         __syncthreads();
 #pragma unroll
-        for (int m = 0; m < 3; ++m) filter<kDown>(f[m], [&](int t) { return rows[m][first + t][column]; });
+        for (int m = 0; m < 3; ++m) filter<kDown>(a, f[m], [&](int t) { return rows[m][first + t][column]; });
     }
     const float* image = a.in.image + block.c * plane;
     float *const gradient = dL_dimage + block.c * plane, sum = 0;
@@ -310,9 +291,10 @@ __global__ void __launch_bounds__(kThreads, 4)
             gradient[pixel] = w * (a.l1_step * sign + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
         });
     });
-    sum = block_sum(sum);
-    if (threadIdx.x == 0) partials[block_number()].x = sum;
-    finish_sums(partials, control);
+    if (add_up_in_first_warp(sum) && threadIdx.x == 0) {
+        partials[block_number()].x = sum;
+        if (!gs_isfinite(sum)) control->loss_not_finite = 1;
+    }
 }
 
 /// With a thread per pixel of a row and channel. Without an image it writes the weights alone. `error` may be null.
@@ -329,8 +311,7 @@ __global__ void __launch_bounds__(kThreads) error_of_pixels(LossArgs a, float* _
         squared = 0.5f * weight * difference * difference;
     });
     if (!error) return;
-    const float sum = block_sum(squared);
-    if (threadIdx.x == 0) atomicAdd(error, double(sum));
+    if (add_up_in_first_warp(squared) && threadIdx.x == 0) atomicAdd(error, double(squared));
 }
 
 dim3 grid_of(int width, int height) { return {num_blocks(width, kTile), num_blocks(height, kTile), 3}; }
@@ -356,14 +337,7 @@ void CudaLoss::take(Carver& c, int width, int height) {
 }
 
 void CudaLoss::compute(const CudaLossInput& in, float* dL_dimage, StepControl* control, cudaStream_t stream) {
-    if (!has_taps_) {
-        const SsimTaps<float> taps;
-        float all[kTapCount];
-        for (int k = 0; k < kTapCount; ++k) all[k] = taps.g[std::abs(k - kSsimRadius)];
-        GS_CUDA(cudaMemcpyToSymbolAsync(kTaps, all, sizeof all, 0, cudaMemcpyHostToDevice, stream));
-        GS_CUDA(cudaStreamSynchronize(stream));  // `all` goes out of scope
-        has_taps_ = true;
-    }
+    sums_ = {};
     if (!(in.weight_sum > 0)) {  // the mask hides all pixels
         GS_CUDA(
             cudaMemsetAsync(dL_dimage, 0, 3 * std::size_t(in.target.width) * in.target.height * sizeof(float), stream));
@@ -372,8 +346,9 @@ void CudaLoss::compute(const CudaLossInput& in, float* dL_dimage, StepControl* c
     const LossArgs args{in, float((1 - in.lambda_dssim) / (3 * in.weight_sum)),
                         float(-in.lambda_dssim / (3 * in.weight_sum))};
     const dim3 grid = grid_of(in.target.width, in.target.height);
+    sums_ = {partials_, grid.x * grid.y * grid.z};
     with_storage(in.target, [&](auto storage) {
-        ssim_maps<decltype(storage)><<<grid, kThreads, 0, stream>>>(args, maps_, partials_);
+        ssim_maps<decltype(storage)><<<grid, kThreads, 0, stream>>>(args, maps_, partials_, control);
         GS_CUDA_LAUNCHED("ssim_maps");
         loss_gradient<decltype(storage)><<<grid, kThreads, 0, stream>>>(args, maps_, dL_dimage, partials_, control);
         GS_CUDA_LAUNCHED("loss_gradient");

@@ -23,18 +23,26 @@ void write_error(const CudaLossInput& in, float* out, double* error, cudaStream_
 /// Writes the weight of each pixel to `out` (3,H,W): the mask, or 1.
 void write_weights(const TargetImage& target, float* out, cudaStream_t stream);
 
+/// The sums of weighted |difference| and of weighted SSIM over each block, not yet divided by 3 weight_sum.
+struct CudaLossSums {
+    const float2* of_blocks = nullptr;
+    unsigned count = 0;
+};
+
 class CudaLoss {
   public:
     /// Takes the buffers of compute() for a view of this size.
     void take(Carver& c, int width, int height);
-    /// Writes dL_dimage (3,H,W). Writes the sums of weighted |difference| and weighted SSIM, not yet divided by 3
-    /// weight_sum, to control->l1 and control->ssim. All sums have a fixed order.
+    /// Writes dL_dimage (3,H,W) and sums(). Sets control->loss_not_finite if one of these is not finite. All sums have
+    /// a fixed order.
     void compute(const CudaLossInput& in, float* dL_dimage, StepControl* control, cudaStream_t stream);
+    /// Returns the sums of the last compute(): none if the mask hid all pixels.
+    const CudaLossSums& sums() const { return sums_; }
 
   private:
-    bool has_taps_ = false;       ///< whether the filter is on the device
     float* maps_ = nullptr;       ///< (3 maps, 3, H, W)
-    float2* partials_ = nullptr;  ///< (blocks) sums of |difference| and of SSIM
+    float2* partials_ = nullptr;  ///< (blocks)
+    CudaLossSums sums_;
 };
 
 }  // namespace gs

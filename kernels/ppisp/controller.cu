@@ -219,7 +219,7 @@ __global__ void __launch_bounds__(kWeightThreads)
 __global__ void __launch_bounds__(kWeightThreads)
     step_weights(const Activations* a, const float* gradient, float* weights, float* m, float* v, AdamStep<float> step,
                  StepControl* control) {
-    if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
+    if (control->takes_no_step()) return;
     const int k = blockIdx.x * kWeightThreads + threadIdx.x;
     if (a->nonfinite) {
         if (k == 0) atomicAdd(&control->num_nonfinite, 1u);

@@ -90,7 +90,7 @@ struct StepArgs {
 
 __global__ void __launch_bounds__(kStepThreads)
     step_parameters_of_all(StepArgs a, const IspDeviceView* view, StepControl* control) {
-    if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
+    if (control->takes_no_step()) return;
     constexpr int kSummands = kStepThreads / kIspFrameValues;
     __shared__ double summands[kSummands][kIspFrameValues], means[kIspFrameValues], regularizer[kIspFrameValues];
     const int t = threadIdx.x, of_frames = a.frames * kIspFrameValues, all = of_frames + a.cameras * kIspCameraValues;

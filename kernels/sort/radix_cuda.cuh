@@ -50,15 +50,33 @@ template <class Key> struct Sweep {
     KeyBegins begins;
 };
 
-/// Returns the sum of the tiles of a lane's Gaussian and of those before it in its chunk, if it is the warp's last one
-/// of that chunk, otherwise 0. Chunks do not fall from lane to lane.
-__device__ inline std::uint32_t tiles_of_chunk(std::uint32_t chunk, std::uint32_t tiles) {
-    const std::uint32_t lane = threadIdx.x & 31, next = __shfl_down_sync(~0u, chunk, 1), up_to = inclusive_sum(tiles);
-    const bool is_last = lane == 31 || next != chunk;
-    const unsigned before = __ballot_sync(~0u, is_last) & ((1u << lane) - 1);  // the ends of chunks before
-    const std::uint32_t up_to_before = __shfl_sync(~0u, up_to, before ? 31 - __clz(before) : 0);
-    return is_last ? up_to - (before ? up_to_before : 0) : 0;
-}
+/// Adds up the tiles that a block's Gaussians touch, by chunk. The Gaussians of a digit lie side by side in the sorted
+/// list, most of them in one chunk or two: these have sums in shared memory.
+template <int kDigits> struct TilesOfDigits {
+    static constexpr std::uint32_t kChunks = 2;
+    std::uint32_t first_chunk[kDigits], sums[kDigits][kChunks];
+
+    /// Begins a digit, whose Gaussians lie from `first` on. One thread calls it.
+    __device__ void begin(std::uint32_t digit, std::uint32_t first) {
+        first_chunk[digit] = first / ChunkSums::kPairs;
+        for (std::uint32_t& sum : sums[digit]) sum = 0;
+    }
+    __device__ void add(std::uint32_t digit, std::uint32_t place, std::uint32_t tiles, const ChunkSums& all) {
+        const std::uint32_t chunk = place / ChunkSums::kPairs, k = chunk - first_chunk[digit];
+        k < kChunks ? void(atomicAdd(&sums[digit][k], tiles)) : add_to_chunk(chunk, tiles, all);
+    }
+    /// Adds the sums of a digit to those of all blocks.
+    __device__ void end(std::uint32_t digit, const ChunkSums& all) const {
+        for (std::uint32_t k = 0; k < kChunks; ++k)
+            if (sums[digit][k] > 0) add_to_chunk(first_chunk[digit] + k, sums[digit][k], all);
+    }
+
+  private:
+    __device__ static void add_to_chunk(std::uint32_t chunk, std::uint32_t tiles, const ChunkSums& all) {
+        atomicAdd(&all.of_chunks[chunk], tiles);
+        atomicAdd(&all.of_groups[chunk / ChunkSums::kChunksOfGroup], tiles);
+    }
+};
 
 /// Sorts pairs by a digit. Each warp ranks its pairs 32 at a time; the block puts its pairs in order in shared memory,
 /// so that those of a digit are written side by side.
@@ -74,6 +92,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
         } sorted;
     } shared;
     __shared__ std::uint32_t to_all[kDigits], warp_sums[2][kWarps];
+    __shared__ TilesOfDigits<kTask == SweepTask::kAddUpTiles ? kDigits : 1> tiles_of;
     __shared__ uint4 found[kSweepBlock];
     const std::uint32_t n = a.num_pairs(), lane = threadIdx.x & 31, warp = threadIdx.x / 32, digit = threadIdx.x;
     if (std::uint64_t(blockIdx.x) * kSweepPairs >= n) return;
@@ -143,6 +162,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     const std::uint32_t before = sums.before(in_block, found);
     if (digit < kDigits) {
         to_all[digit] = all_begin + before - block_begin;
+        if constexpr (kTask == SweepTask::kAddUpTiles) tiles_of.begin(digit, all_begin + before);
 #pragma unroll
         for (int w = 0; w < kWarps; ++w) shared.ranked[w][digit].y += block_begin;
     }
@@ -152,39 +172,32 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     for (int i = 0; i < kSweepItems; ++i) place[i] += shared.ranked[warp][digit_of(key[i])].y;
     __syncthreads();
 #pragma unroll
-    for (int i = 0; i < kSweepItems; ++i)
-        if (is_kept(i)) shared.sorted.keys[place[i]] = Key(key[i]), shared.sorted.values[place[i]] = value[i];
+    for (int i = 0; i < kSweepItems; ++i) {
+        if (!is_kept(i)) continue;
+        shared.sorted.keys[place[i]] = Key(key[i]), shared.sorted.values[place[i]] = value[i];
+        if constexpr (kTask == SweepTask::kAddUpTiles) {
+            const std::uint32_t some = key[i] >> kDepthKeyBits;
+            tiles_of.add(digit_of(key[i]), to_all[digit_of(key[i])] + place[i],
+                         some < kManyTiles ? some : a.chunk_sums.tiles[value[i]], a.chunk_sums);
+        }
+    }
     __syncthreads();
-    std::uint32_t chunk[kSweepItems], tiles[kSweepItems];  // only for kAddUpTiles
 #pragma unroll
     for (int i = 0; i < kSweepItems; ++i) {
         const std::uint32_t p = threadIdx.x + i * kSweepBlock;
-        chunk[i] = 0xffffffff, tiles[i] = 0;
         if (p >= size) continue;
         const Key k = shared.sorted.keys[p];
         const std::uint32_t v = shared.sorted.values[p], to = to_all[digit_of(k)] + p;
         if (a.sorted_keys) a.sorted_keys[to] = k;
         a.sorted_values[to] = v;
-        if constexpr (kTask == SweepTask::kAddUpTiles) {
-            chunk[i] = to / ChunkSums::kPairs, tiles[i] = k >> kDepthKeyBits;
-            if (tiles[i] == kManyTiles) tiles[i] = a.chunk_sums.tiles[v];
-        }
         if constexpr (kTask == SweepTask::kNoteBegins) {
             // Equal keys lie side by side, since the passes before sorted by all other digits.
             if (p == 0 || shared.sorted.keys[p - 1] != k)
                 atomicMax(&a.begins.words[min(std::uint32_t(k), a.begins.most)], ~to);
         }
     }
-    if constexpr (kTask == SweepTask::kAddUpTiles) {
-#pragma unroll
-        for (int i = 0; i < kSweepItems; ++i) tiles[i] = tiles_of_chunk(chunk[i], tiles[i]);
-#pragma unroll
-        for (int i = 0; i < kSweepItems; ++i) {
-            if (tiles[i] == 0) continue;
-            atomicAdd(&a.chunk_sums.of_chunks[chunk[i]], tiles[i]);
-            atomicAdd(&a.chunk_sums.of_groups[chunk[i] / ChunkSums::kChunksOfGroup], tiles[i]);
-        }
-    }
+    if constexpr (kTask == SweepTask::kAddUpTiles)
+        if (digit < kDigits) tiles_of.end(digit, a.chunk_sums);
 }
 
 /// The buffers of a sort. Pass i goes from those at i % 2 to the other ones.

@@ -10,13 +10,14 @@ namespace gs {
 struct StepControl {
     unsigned long long num_instances;  ///< Gaussian-tile pairs
     unsigned long long num_pairs;      ///< Gaussian-pixel pairs that were blended
-    double l1, ssim;                   ///< sums of the weighted differences and SSIM
     unsigned num_visible;
     unsigned num_large, num_huge;  ///< Gaussians with more than 32 candidate tiles, by their instances
     unsigned num_chunks;           ///< chunks of the blend
     unsigned num_nonfinite;        ///< Gaussians whose gradient was left out
-    unsigned loss_blocks;
-    unsigned stopped;  ///< set when instances did not fit; no step updates until the host has made room
+    unsigned loss_not_finite;      ///< nonzero if a sum of the loss over a block is not; then the step changes nothing
+    unsigned stopped;              ///< set when instances did not fit; no step updates until the host has made room
+
+    __device__ bool takes_no_step() const { return stopped || loss_not_finite; }
 };
 inline constexpr int kControlWords = offsetof(StepControl, stopped) / sizeof(unsigned);  ///< those that are zeroed
 
