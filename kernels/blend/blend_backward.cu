@@ -30,7 +30,7 @@ struct WarpMemory {
     float4 pixels[kSubY][kSubX];                ///< dL/dpixel, and its part from the background
     float4 batch[kBatch / kOwn][kSplatStride];  ///< the splats of a lane behind each other, as PackedSplat has them
     float4 sums[2 * kBatch][kSumStride];        ///< by half splat, in the order of HalfOfLane, and column
-    std::uint32_t list[kChunk];                 ///< those of the chunk that changed a pixel of the sub-tile
+    std::uint32_t list[kChunk];                 ///< instances that changed a pixel of the sub-tile
 };
 
 /// What a lane works on: fragments of a column of pixels and of a group of splats. Neighbours that differ in the lowest
@@ -264,7 +264,8 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         splat.store(&memory.batch[half.group][3 * half.own], half.second);
         __syncwarp();
         const std::uint32_t next = target_from(first + kBatch);
-        splat = fetch(next);                           // on its way while this batch is worked on
+        splat = fetch(next);  // on its way while this batch is worked on
+
         float alpha[kSubY][kOwn], slope[kSubY][kOwn];  // later h and w
 #pragma unroll
         for (int i = 0; i < kOwn; ++i) {
