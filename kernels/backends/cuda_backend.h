@@ -153,6 +153,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     std::size_t bytes_of(const Sizes& sizes);
     /// Lays out a step, and launches its kernels.
     void enqueue(const Step& step);
+    /// Enqueues all kernels of a step that is laid out, down to its report.
     void enqueue_kernels(const Step& step, const ModelArrays& arrays);
     /// Enqueues the part after the loss: the Gaussians' gradients and their optimizer step.
     void enqueue_gaussians(const Step& step, const PreprocessArgs& args, const CudaBins& bins,

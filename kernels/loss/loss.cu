@@ -148,8 +148,8 @@ template <int kOutputs, class Input> __device__ void filter(const LossArgs& a, f
     }
 }
 
-/// Adds a value of each thread up in the first warp, whose lanes get the sum. The other warps do not wait for it, and
-/// must have nothing left to do: returns false in them. May be called once.
+/// Adds up a value of each thread in the first warp, whose lanes get the sum, and returns true there. The other warps
+/// do not wait for it and get false; they must have nothing left to do. A kernel may call this once.
 __device__ bool add_up_in_first_warp(float& value) {
     constexpr int kWarps = kThreads / 32;
     __shared__ float parts[kWarps];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sums of the loss over the image. Whoever reports a step adds them up: the blocks of the loss would wait to know
-// which of them ends last.
+// The sums of the loss over the image. The kernel that reports a step adds them up: the blocks of the loss would have
+// to wait to know which of them ends last.
 #pragma once
 
 #include "kernels/cuda/cuda.h"

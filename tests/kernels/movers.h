@@ -14,8 +14,8 @@
 
 namespace gs::test {
 
-/// By how much residuals and their moments may differ, relative to their values: a device steps whole warps of them by
-/// other instructions.
+/// The differences that residuals and their moments may have, relative to their values: a device steps whole warps of
+/// them by other instructions.
 struct Rounding {
     float parameters = 0, moments = 0;
 };
