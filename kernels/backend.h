@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,9 +21,12 @@ class BackendTimer {
     /// Returns the mean seconds of a frame over `repeats` rounds through all views, after one round to warm up. The
     /// images stay on the device.
     virtual double time_frames(const std::vector<RenderRequest>& views, int repeats) = 0;
-    /// Turns the timing of stages on or off. The marks between stages cost a few microseconds each.
-    virtual void measure_stages(bool on) = 0;
-    /// Returns the costs per stage since the last call, and starts anew.
+    /// Returns the number of passes over the same steps by which stages are timed. On a device a mark costs a few
+    /// microseconds, by which all that follows comes later; so each pass marks the end of one stage.
+    virtual int stage_passes() const { return 1; }
+    /// Begins a pass, or ends the timing.
+    virtual void measure_stages(std::optional<int> pass) = 0;
+    /// Returns the costs per stage of the steps of one pass, since the last call, and starts anew.
     virtual std::vector<StageCost> take_stage_costs() = 0;
     /// Measures the peak bandwidth and arithmetic rate of this backend's machine.
     virtual Ceilings measure_ceilings() = 0;

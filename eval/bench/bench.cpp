@@ -35,13 +35,14 @@ class Steps {
     }
 
     void step() {
-        const std::size_t k = std::size_t(iteration_) % views_.size();
+        const std::size_t k = next_++ % views_.size();
         backend_.step(composer_.compose({views_[k], images_[k], background_}, Moment{iteration_, double(iteration_)}));
         ++iteration_;
     }
 
-    /// Returns the mean seconds of `count` steps, of which only the last is waited for.
+    /// Returns the mean seconds of `count` steps from the first view on, of which only the last is waited for.
     double in_a_row(int count) {
+        next_ = 0;
         const double start = seconds_now();
         for (int k = 0; k < count; ++k) step();
         backend_.synchronize();
@@ -68,20 +69,26 @@ class Steps {
     std::vector<std::size_t> views_;
     std::vector<std::shared_ptr<const ViewImage>> images_;
     std::int64_t iteration_ = 0;
+    std::size_t next_ = 0;
 };
 
-/// Measures the costs of the stages per iteration. Returns the mean seconds of an iteration.
-double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<StageCost>& stages) {
-    backend.timer().measure_stages(true);
-    steps.step();  // a backend may have to prepare for the marks
-    backend.synchronize();
-    backend.timer().take_stage_costs();
-    const double seconds = steps.in_a_row(repeat);
-    stages = backend.timer().take_stage_costs();
-    backend.timer().measure_stages(false);
+/// Returns the costs of the stages per iteration.
+std::vector<StageCost> measure_stages(Backend& backend, Steps& steps, int repeat) {
+    BackendTimer& timer = backend.timer();
+    for (int pass = 0; pass < timer.stage_passes(); ++pass) {
+        timer.measure_stages(pass);
+        if (pass == 0) {  // a backend may have to prepare for the marks
+            steps.step();
+            backend.synchronize();
+            timer.take_stage_costs();
+        }
+        steps.in_a_row(repeat);
+    }
+    std::vector<StageCost> stages = timer.take_stage_costs();
+    timer.measure_stages({});
     for (StageCost& s : stages)
         for (double* sum : {&s.seconds, &s.items, &s.bytes, &s.operations}) *sum /= repeat;
-    return seconds;
+    return stages;
 }
 
 FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background,
@@ -130,10 +137,10 @@ BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene
     Steps steps(backend, options, scene, model, bench.repeat);
     result.iteration_seconds = steps.in_a_row(bench.repeat);
     result.iteration_seconds_median = steps.median_alone(bench.repeat);
-    result.marked_iteration_seconds = measure_stages(backend, steps, bench.repeat, result.stages);
+    result.stages = measure_stages(backend, steps, bench.repeat);
     if (model.active_degree > 0 && model[Group::kResidual].width > 0) {
         backend.set_active_degree(0);
-        measure_stages(backend, steps, bench.repeat, result.without_residual);
+        result.without_residual = measure_stages(backend, steps, bench.repeat);
         backend.set_active_degree(model.active_degree);
     }
     result.memory = backend.memory();

@@ -41,8 +41,7 @@ struct BenchResult {
     std::vector<FrameTime> frames;            ///< times at the views' own size, and at 1280x720 where that differs
     double iteration_seconds = 0;             ///< mean of steps in a row, without densification
     double iteration_seconds_median = 0;      ///< median of steps that are each waited for
-    double marked_iteration_seconds = 0;      ///< mean of steps in a row while stages are timed
-    std::vector<StageCost> stages;            ///< costs per iteration in the marked steps
+    std::vector<StageCost> stages;            ///< costs per iteration, on the same views
     std::vector<StageCost> without_residual;  ///< costs at degree 0; empty for a model without a residual
     MemoryUse memory;                         ///< use at the end
     std::optional<double> default_seconds, deterministic_seconds;  ///< mean of an iteration, if both were measured

@@ -33,10 +33,7 @@ std::string iteration_lines(const BenchResult& r) {
     std::string out = fmt::format(
         "iteration at {}x{}: {:.3f} ms (mean of {} in a row), {:.3f} ms (median of {} that are each waited for)\n",
         r.width, r.height, 1e3 * r.iteration_seconds, r.repeat, 1e3 * r.iteration_seconds_median, r.repeat);
-    out += fmt::format("with marks between the stages: {:.3f} ms in a row, {:+.1f} %; the stages add up to {:.3f} ms\n",
-                       1e3 * r.marked_iteration_seconds,
-                       r.iteration_seconds > 0 ? 100 * (r.marked_iteration_seconds / r.iteration_seconds - 1) : 0,
-                       1e3 * sum);
+    out += fmt::format("the stages add up to {:.3f} ms\n", 1e3 * sum);
     if (r.default_seconds && r.deterministic_seconds)
         out += fmt::format("with --deterministic {:.3f} ms, without {:.3f} ms: {:.2f} times\n",
                            1e3 * *r.deterministic_seconds, 1e3 * *r.default_seconds,
@@ -120,8 +117,7 @@ Json json_of(const BenchResult& r) {
                          {"height", r.height},
                          {"repeat", r.repeat},
                          {"seconds", r.iteration_seconds},
-                         {"median_seconds", r.iteration_seconds_median},
-                         {"marked_seconds", r.marked_iteration_seconds}};
+                         {"median_seconds", r.iteration_seconds_median}};
     if (r.default_seconds && r.deterministic_seconds)
         json["iteration"].update(
             {{"default_seconds", *r.default_seconds}, {"deterministic_seconds", *r.deterministic_seconds}});

@@ -322,7 +322,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         return seconds / (double(repeats) * double(views.size()));
     }
 
-    void measure_stages(bool) override {}  // reading the clock costs nothing here
+    void measure_stages(std::optional<int>) override {}  // reading the clock costs nothing here
 
     std::vector<StageCost> take_stage_costs() override {
         auto& s = raster_.seconds;

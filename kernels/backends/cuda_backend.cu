@@ -506,7 +506,7 @@ void CudaBackend::step(const StepRequest& r) {
     s.lazy = lazy_.begin_step(s.adam_step, lazily, r.rates[int(Group::kResidual)]);
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) s.isp_step = ppisp_.begin_step();
     launch(std::move(s), r.target);
-    if (!times_.on) return;
+    if (!times_.pass) return;
     synchronize();
     times_.add();
 }
@@ -647,7 +647,7 @@ void CudaBackend::finish_oldest() {
     adapt_room(std::int64_t(status.num_instances));
     note_loss(status, s.request.lambda_dssim, s.target.weight_sum);
     stats_.num_nonfinite_gradients += status.num_nonfinite;
-    if (times_.on)
+    if (times_.pass)
         times_.count(double(model_.count), status.num_visible,
                      s.request.only_visible ? double(status.num_visible) : double(model_.count),
                      double(status.num_instances), double(status.num_pairs),
@@ -682,9 +682,9 @@ StepStats CudaBackend::take_stats() {
     return out;
 }
 
-void CudaBackend::measure_stages(bool on) {
+void CudaBackend::measure_stages(std::optional<int> pass) {
     synchronize();
-    times_.on = on;
+    times_.pass = pass;
 }
 
 std::vector<StageCost> CudaBackend::take_stage_costs() {

@@ -104,7 +104,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
 
   private:
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
-    void measure_stages(bool on) override;
+    int stage_passes() const override { return StageTimes::kPasses; }
+    void measure_stages(std::optional<int> pass) override;
     std::vector<StageCost> take_stage_costs() override;
     Ceilings measure_ceilings() override;
 

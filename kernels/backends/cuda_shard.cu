@@ -163,14 +163,17 @@ void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r,
     const int slot = std::exchange(next_slot_, (next_slot_ + 1) % kInFlight);
     GS_CUDA(cudaEventSynchronize(done_[slot]));
     const DeviceTarget target = images_.get(r.target, slot, stream_);
-    const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
+    lay_out_view(r.camera, std::int64_t(num_splats(splats)), true);
+    step_graph_.run(stream_, [&] {
+        const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
+        enqueue_loss(r, target);
+        enqueue_sums_of_splats(r, splats, bins);
+        report_view<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss_.sums(), r.lambda_dssim, target.weight_sum,
+                                                        report);
+        GS_CUDA_LAUNCHED("report_view");
+    });
     wire_.placed = 0, wire_.splats_from = wire_.sums_from = 0;
-    enqueue_loss(r, target);
     GS_CUDA(cudaEventRecord(done_[slot], stream_));
-    enqueue_sums_of_splats(r, splats, bins);
-    report_view<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss_.sums(), r.lambda_dssim, target.weight_sum,
-                                                    report);
-    GS_CUDA_LAUNCHED("report_view");
     // Sums may lie where the gradient of PPISP does.
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
     for (std::size_t part = 0; part < splats.size(); ++part) sums[part]->resize(splats[part]->size());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Records events between stages and reads their distances.
+// What stages took and did.
 #include "kernels/backends/stage_times_cuda.h"
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 namespace gs {
 
 std::vector<StageCost> StageTimes::take(const ResidualCost& residual) {
-    const auto seconds = [&](CudaStage s) { return seconds_[int(s)]; };
+    const auto seconds = [&](CudaStage s) { return std::max(seconds_[int(s) + 1] - seconds_[int(s)], 0.0); };
     // The bytes are those that each stage must at least read and write once. A splat has 48 bytes, its sums 36 of 48.
     // Radix sorts move key and value once a pass: three passes for the depth (8 bytes, of what is visible, without the
     // first values and the last keys), two for the tile (6 bytes, without the last keys). The instructions are counted
@@ -44,7 +44,7 @@ std::vector<StageCost> StageTimes::take(const ResidualCost& residual) {
         costs.push_back({"PPISP", seconds(CudaStage::kCorrect) + seconds(CudaStage::kCorrectBackward),
                          corrected_pixels_, "pixel", corrected_pixels_ * 3 * 4 * 5, corrected_pixels_ * 770,
                          "five small kernels in a row, three of them of a single block"});
-    std::fill(seconds_, seconds_ + kNumCudaStages, 0);
+    std::fill(seconds_, seconds_ + kPasses, 0);
     gaussians_ = visible_ = moving_ = instances_ = pairs_ = pixels_ = corrected_pixels_ = 0;
     return costs;
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The time and work of the stages of a step, by marks between them on the device's clock.
+// The time and work of the stages of a step, by marks on the device's clock.
 #pragma once
+
+#include <optional>
 
 #include "kernels/cuda/cuda.h"
 #include "kernels/requests.h"
@@ -17,32 +19,36 @@ struct ResidualCost {
     double operations, operations_backward;  ///< of evaluating it, and of its gradient
 };
 
-/// Adds up the times and work of stages.
+/// Adds up the times and work of stages. A mark in a graph holds up what follows by 2 to 5 us, so a step has one at its
+/// beginning and one at the end of the stage whose turn it is: pass 0 has it at the beginning, pass k at the end of the
+/// k-th stage. A stage takes as long as its end comes later than the one before. What a mark costs is in all of them.
 class StageTimes {
   public:
     ~StageTimes() {
         for (cudaEvent_t e : marks_)
             if (e) cudaEventDestroy(e);
     }
-    bool on = false;
+    static constexpr int kPasses = kNumCudaStages + 1;
+    std::optional<int> pass;
 
     void begin(cudaStream_t stream) {
-        if (on) record(0, stream);
+        if (!pass) return;
+        record(0, stream);
+        if (pass == 0) record(1, stream);
     }
     void end(CudaStage stage, cudaStream_t stream) {
-        if (on) record(int(stage) + 1, stream);
+        if (pass == int(stage) + 1) record(1, stream);
     }
-    /// Adds the times between the marks of one step, which is done.
+    /// Adds the time between the marks of one step, which is done.
     void add() {
-        for (int k = 0; k < kNumCudaStages; ++k) {
-            float ms = 0;
-            GS_CUDA(cudaEventElapsedTime(&ms, marks_[k], marks_[k + 1]));
-            seconds_[k] += 1e-3 * ms;
-        }
+        float ms = 0;
+        GS_CUDA(cudaEventElapsedTime(&ms, marks_[0], marks_[1]));
+        seconds_[*pass] += 1e-3 * ms;
     }
     /// Adds the work of that step, which `moving` Gaussians took. A pair is one pixel and one Gaussian.
     void count(double gaussians, double visible, double moving, double instances, double pairs, double pixels,
                bool corrected) {
+        if (pass != 0) return;  // the steps of each pass are the same
         gaussians_ += gaussians, visible_ += visible, moving_ += moving;
         instances_ += instances, pairs_ += pairs, pixels_ += pixels;
         if (corrected) corrected_pixels_ += pixels;
@@ -59,9 +65,9 @@ class StageTimes {
             marks_[mark], stream,
             status == cudaStreamCaptureStatusActive ? cudaEventRecordExternal : cudaEventRecordDefault));
     }
-    cudaEvent_t marks_[kNumCudaStages + 1] = {};
-    double seconds_[kNumCudaStages] = {}, gaussians_ = 0, visible_ = 0, moving_ = 0, instances_ = 0, pairs_ = 0,
-           pixels_ = 0, corrected_pixels_ = 0;
+    cudaEvent_t marks_[2] = {};
+    double seconds_[kPasses] = {};  ///< from the beginning of steps to the mark of each pass
+    double gaussians_ = 0, visible_ = 0, moving_ = 0, instances_ = 0, pairs_ = 0, pixels_ = 0, corrected_pixels_ = 0;
 };
 
 }  // namespace gs

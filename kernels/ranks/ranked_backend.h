@@ -72,7 +72,7 @@ class RankedBackend : public Backend, private BackendTimer {
 
   private:
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
-    void measure_stages(bool) override {}
+    void measure_stages(std::optional<int>) override {}
     std::vector<StageCost> take_stage_costs() override { return own_->timer().take_stage_costs(); }
     Ceilings measure_ceilings() override { return own_->timer().measure_ceilings(); }
 

@@ -25,7 +25,8 @@ class ForwardingBackend : public Backend, public BackendTimer {
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
         return inner_->timer().time_frames(views, repeats);
     }
-    void measure_stages(bool on) override { inner_->timer().measure_stages(on); }
+    int stage_passes() const override { return inner_->timer().stage_passes(); }
+    void measure_stages(std::optional<int> pass) override { inner_->timer().measure_stages(pass); }
     std::vector<StageCost> take_stage_costs() override { return inner_->timer().take_stage_costs(); }
     Ceilings measure_ceilings() override { return inner_->timer().measure_ceilings(); }
     MemoryUse memory() override { return inner_->memory(); }

@@ -34,7 +34,7 @@ class FakeBackend : public Backend, public BackendTimer {
     StepStats take_stats() override { return {}; }
     void synchronize() override {}
     double time_frames(const std::vector<RenderRequest>&, int) override { return 0; }
-    void measure_stages(bool) override {}
+    void measure_stages(std::optional<int>) override {}
     std::vector<StageCost> take_stage_costs() override { return {}; }
     Ceilings measure_ceilings() override { return {1e9, 1e9}; }
     MemoryUse memory() override { return {}; }
