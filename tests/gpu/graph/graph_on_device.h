@@ -15,7 +15,8 @@ class NumberOnDevice {
     ~NumberOnDevice();
     /// Sets the number to 10 times itself plus each of `digits` in turn, by a kernel each, and then calls `then`, all
     /// within one LaunchGraph::run().
-    void append_together(const std::vector<int>& digits, const std::function<void()>& then = [] {});
+    void append_together(
+        const std::vector<int>& digits, const std::function<void()>& then = [] {});
     /// Does the same for one digit, in the stream.
     void append(int digit);
     /// Waits for the device and returns the number.
