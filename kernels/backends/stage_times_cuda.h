@@ -19,9 +19,10 @@ struct ResidualCost {
     double operations, operations_backward;  ///< of evaluating it, and of its gradient
 };
 
-/// Adds up the times and work of stages. A mark in a graph holds up what follows by 2 to 5 us, so a step has one at its
+/// Adds up the times and work of stages. A mark in a graph holds up what follows by 2 to 4 us, so a step has one at its
 /// beginning and one at the end of the stage whose turn it is: pass 0 has it at the beginning, pass k at the end of the
-/// k-th stage. A stage takes as long as its end comes later than the one before. What a mark costs is in all of them.
+/// k-th stage. A stage takes as long as its end comes later than the one before. Marks are in all of these times alike,
+/// and so in none of their differences.
 class StageTimes {
   public:
     ~StageTimes() {
