@@ -34,7 +34,7 @@ TEST_F(GpuGraph, WhatThrowsLaunchesNothingAndTheStreamGoesOn) {
     EXPECT_EQ(number.read(), 23678);
 }
 
-TEST_F(GpuGraph, WaitingWithinFailsWithTheCallsName) {
+TEST_F(GpuGraph, WaitingWithinFailsAndTheStreamGoesOn) {
     NumberOnDevice number;
     EXPECT_THROW(number.append_together({1}, [&] { number.read(); }), std::runtime_error);
     number.append_together({2});
