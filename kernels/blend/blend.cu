@@ -62,7 +62,7 @@ __device__ bool blend_abreast(PixelForward<float>& p, int slot, float alpha, con
                               const Cutoffs<float>& cutoffs) {
     if constexpr (kAbreast == 1) {
         const bool active = alpha >= cutoffs.alpha && p.t >= cutoffs.transmittance;
-        blend_fragment<float, float>(p, alpha, s.red, s.green, s.blue, cutoffs);
+        if (active) pass_light(p, p.t * alpha, s.red, s.green, s.blue);  // predicated, without a branch
         return active;
     }
     if (!(alpha >= cutoffs.alpha)) alpha = 0;

@@ -33,16 +33,20 @@ template <class P> struct PixelForward {
     P t, r, g, b;  ///< transmittance and colour so far
 };
 
+/// Passes the light of one fragment; w = T alpha.
+template <class P> GS_HD void pass_light(PixelForward<P>& s, P w, P cr, P cg, P cb) {
+    s.r = gs_fma(w, cr, s.r);
+    s.g = gs_fma(w, cg, s.g);
+    s.b = gs_fma(w, cb, s.b);
+    s.t = s.t - w;
+}
+
 /// Blends one fragment where it is visible and the pixel is unfinished: alpha and T are at the cutoffs (1/255, 1e-4) or
 /// above.
 template <class P, class T>
 GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
     const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(s.t, P(cutoffs.transmittance));
-    const P w = select(active, s.t * alpha, P(T(0)));
-    s.r = gs_fma(w, cr, s.r);
-    s.g = gs_fma(w, cg, s.g);
-    s.b = gs_fma(w, cb, s.b);
-    s.t = s.t - w;
+    pass_light(s, select(active, s.t * alpha, P(T(0))), cr, cg, cb);
 }
 
 /// The transmittance at which a pixel's median lies: half of its light comes from there on.
