@@ -25,6 +25,7 @@ struct TestScene {
 struct NamedScene {
     const char* name;
     std::function<TestScene()> make;
+    bool is_large = false;  ///< the reference takes the CPU half a minute or more
     friend std::ostream& operator<<(std::ostream& out, const NamedScene& s) { return out << s.name; }
 };
 
@@ -192,8 +193,8 @@ inline std::vector<NamedScene> test_scenes() {
         {"OneGaussian",
          [] { return with(random_scene(1, 3, 33, 25, 0, 3), [](TestScene& s) { s.informative = 0.1; }); }},
         {"SmallerThanTheWindow", [] { return random_scene(60, 3, 17, 13, 0, 2); }},
-        {"Lego", [] { return random_scene(10000, 3, 800, 800, -2.5, 3); }},
-        {"Large", [] { return random_scene(60, 3, 3840, 2160, -1, 4); }},
+        {"Lego", [] { return random_scene(10000, 3, 800, 800, -2.5, 3); }, true},
+        {"Large", [] { return random_scene(60, 3, 3840, 2160, -1, 4); }, true},
         {"None", [] { return random_scene(500, 0, 130, 70, -1, 5); }},
         {"OneTile", [] { return one_tile_scene(1.5, -4); }},
         {"OnePixelOfMany", [] { return one_tile_scene(0, -4.8); }},

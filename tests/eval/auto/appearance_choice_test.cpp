@@ -91,10 +91,22 @@ TrainOptions glossy(int width, std::int64_t iterations) {
     return options;
 }
 
+/// Returns the scene with every 16th of its points: images of 16 pixels need no more, and iterations are short.
+Scene coarse_scene(const TrainOptions& options) {
+    Scene scene = load_scene(scene_options(options));
+    PointCloud few;
+    for (std::size_t k = 0; k < scene.points.positions.size(); k += 16) {
+        few.positions.push_back(scene.points.positions[k]);
+        few.colors.push_back(scene.points.colors[k]);
+    }
+    scene.points = few;
+    return scene;
+}
+
 TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
     TrainOptions options = glossy(16, 7500);
     options.auto_tolerance = 0;
-    Scene scene = load_scene(scene_options(options));
+    Scene scene = coarse_scene(options);
     const AppearanceReport report = find_appearance(options, scene);
     EXPECT_EQ(report.lines.size(), 5u);
     EXPECT_EQ(report.json.at("model"), report.model);
@@ -114,7 +126,7 @@ TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
 
 TEST(FindAppearance, DoesNotRankAfterAFewIterations) {
     const TrainOptions options = glossy(16, 1500);
-    Scene scene = load_scene(scene_options(options));
+    Scene scene = coarse_scene(options);
     const AppearanceReport report = find_appearance(options, scene);
     EXPECT_EQ(report.model, "sv");
     ASSERT_EQ(report.lines.size(), 1u);
@@ -128,7 +140,7 @@ TEST(FindAppearance, DoesNotRankAfterAFewIterations) {
 TEST(FindAppearance, TakesATenthOfATimeLimit) {
     TrainOptions options = glossy(16, 30000);
     options.time_limit = "0.5s";
-    const Scene scene = load_scene(scene_options(options));
+    const Scene scene = coarse_scene(options);
     EXPECT_EQ(find_appearance(options, scene).model, "sv") << "50 ms are too short";
     options.time_limit = "20s";
     const double start = seconds_now();
@@ -139,7 +151,7 @@ TEST(FindAppearance, TakesATenthOfATimeLimit) {
 TEST(FindAppearance, AViewPastEverythingDecidesNothing) {
     TrainOptions options = glossy(16, 7500);
     options.auto_tolerance = 0;
-    Scene scene = load_scene(scene_options(options));
+    Scene scene = coarse_scene(options);
     View& away = scene.train[4];  // one that is held out
     away.camera.translation.z() -= 1e6;
     away.load = [load = away.load] {
@@ -154,7 +166,7 @@ TEST(FindAppearance, AViewPastEverythingDecidesNothing) {
 
 TEST(FindAppearance, TakesNoneWhereMasksLeaveNothing) {
     const TrainOptions options = glossy(16, 7500);
-    Scene scene = load_scene(scene_options(options));
+    Scene scene = coarse_scene(options);
     for (View& view : scene.train)
         view.load = [load = view.load] {
             ViewImage image = load();
