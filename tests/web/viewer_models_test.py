@@ -17,17 +17,18 @@ from viewer_scenes import drop
 
 # Arguments of gsapp train. All degrees of sh and neural have joined at a tenth of a run.
 GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "5000", "--iterations", "600"]
+SHORT = [*GLOSSY[:-1], "300"] # a network shows something sooner than bands and lobes, and takes longer
 CASES = {
     "none": GLOSSY,
     "sh": GLOSSY,
     "sv": GLOSSY,
     "nasg": GLOSSY,
     "nasgabor": GLOSSY,
-    "neural": GLOSSY,
-    "neural_wide": GLOSSY,
-    "neural_3layers": GLOSSY,
+    "neural": SHORT,
+    "neural_wide": SHORT,
+    "neural_3layers": SHORT,
     "sh, mixed": GLOSSY + ["--appearance-share", "0.3"],
-    "neural, mixed": GLOSSY + ["--appearance-share", "0.3"],
+    "neural, mixed": SHORT + ["--appearance-share", "0.3"],
     "none, photometric": ["-s", "builtin:exposure", "-r", "4", "--cap-max", "5000", "--iterations", "600", "--ppisp", "on", "--controller-iterations", "60"],
 }
 VIEWS = {"webgl": (0, 3, 7), "webgpu": (3,)}
