@@ -11,7 +11,7 @@ std::vector<StageCost> StageTimes::take(const ResidualCost& residual) {
     // The bytes are those that each stage must at least read and write once. A splat has 48 bytes, its sums 36 of 48.
     // Radix sorts move key and value once a pass: three passes for the depth (8 bytes, of what is visible, without the
     // first values and the last keys), two for the tile (6 bytes, without the last keys). The instructions are counted
-    // in the templates: fragment_alpha 10 and blend_fragment 9 forward, and 120 that find the sub-tiles which an
+    // in the templates: fragment_alpha 10 and 9 that blend forward, and 120 that find the sub-tiles which an
     // instance reaches; backward fragment_alpha 7, since four pixels share what depends on dx, and 23 for the gradient
     // and its sums.
     std::vector<StageCost> costs = {

@@ -61,7 +61,7 @@ template <int kAbreast>
 __device__ bool blend_abreast(PixelForward<float>& p, int slot, float alpha, const StagedSplat& s,
                               const Cutoffs<float>& cutoffs) {
     if constexpr (kAbreast == 1) {
-        const bool active = alpha >= cutoffs.alpha && p.t >= cutoffs.transmittance;
+        const bool active = is_blended(alpha, p.t, cutoffs);
         if (active) pass_light(p, p.t * alpha, s.red, s.green, s.blue);  // predicated, without a branch
         return active;
     }

@@ -33,6 +33,12 @@ template <class P> struct PixelForward {
     P t, r, g, b;  ///< transmittance and colour so far
 };
 
+/// Returns whether a fragment counts: alpha and the pixel's transmittance before it are at the cutoffs (1/255, 1e-4) or
+/// above.
+template <class P, class T> GS_HD auto is_blended(P alpha, P transmittance, const Cutoffs<T>& cutoffs) {
+    return at_least(alpha, P(cutoffs.alpha)) & at_least(transmittance, P(cutoffs.transmittance));
+}
+
 /// Passes the light of one fragment; w = T alpha.
 template <class P> GS_HD void pass_light(PixelForward<P>& s, P w, P cr, P cg, P cb) {
     s.r = gs_fma(w, cr, s.r);
@@ -41,12 +47,10 @@ template <class P> GS_HD void pass_light(PixelForward<P>& s, P w, P cr, P cg, P 
     s.t = s.t - w;
 }
 
-/// Blends one fragment where it is visible and the pixel is unfinished: alpha and T are at the cutoffs (1/255, 1e-4) or
-/// above.
+/// Blends one fragment if it counts.
 template <class P, class T>
 GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
-    const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(s.t, P(cutoffs.transmittance));
-    pass_light(s, select(active, s.t * alpha, P(T(0))), cr, cg, cb);
+    pass_light(s, select(is_blended(alpha, s.t, cutoffs), s.t * alpha, P(T(0))), cr, cg, cb);
 }
 
 /// The transmittance at which a pixel's median lies: half of its light comes from there on.
@@ -95,8 +99,7 @@ template <class P, class T> GS_HD P inverse_passed(P alpha) {
 template <class P, class T>
 GS_HD PassedFragment<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient,
                                       const Cutoffs<T>& cutoffs) {
-    const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(t, P(cutoffs.transmittance));
-    alpha = select(active, alpha, P(T(0)));
+    alpha = select(is_blended(alpha, t, cutoffs), alpha, P(T(0)));
     const P w = t * alpha, color = w * color_gradient;
     t = t - w;
     // Nothing but the background lies behind the fragment that finishes a pixel. Setting `behind` to it removes the one

@@ -107,7 +107,7 @@ def check_training(browser, run):
     browser.evaluate("{ const clock = setTimeout; window.setTimeout = () => 0; document.getElementById('live-stop').click(); window.setTimeout = clock; }")
     check(browser.evaluate("document.getElementById('live-stop').textContent") == "Really stop?", "it asks before it stops")
     check_accessible(browser, "while it asks")
-    # Later the page may ask once more when nobody answers any more, which the console reports.
+    # Once it stops, the page may ask when nobody answers any more, which the console reports.
     check(browser.errors == [], f"the console is silent while it trains: {browser.errors}")
     press(browser, "live-stop")
     wait_for(browser, f"{STATE}.startsWith('Stopped') || {STATE}.includes('does not answer')", "it stops")
@@ -205,6 +205,8 @@ def main():
                     browser.open(address + "&gpu=webgpu")  # which the comparison leaves
                 check_training(browser, run)
                 check(training.exit_code() == 130, f"as Ctrl-C would: {training.lines[-3:]}")
+                others = [e for e in browser.errors if "ERR_CONNECTION_REFUSED" not in e]
+                check(others == [], f"and while it stops: {others}")
                 elsewhere = [r for r in browser.requests if not r.startswith((address.split("?")[0], "blob:", "about:"))]
                 check(elsewhere == [], f"the page asks gsapp alone: {elsewhere}")
                 check_after(browser, gsapp, run, re.search(r":(\d+)/", address)[1])
