@@ -10,10 +10,11 @@ namespace gs {
 
 std::string version_report() {
     std::string text = version_text();
-    if (cuda_available())
+    const std::string no_cuda = try_cuda_device();
+    if (no_cuda.empty())
         text += "\nbackends: cpu, cuda\ndevice: " + cuda_driver_description();
     else
-        text += "\nbackends: cpu (cuda: " + cuda_unavailable_reason() + ")";
+        text += "\nbackends: cpu (cuda: " + no_cuda + ")";
     const std::string architectures = cuda_architectures();
     return architectures.empty() ? text : text + "\ncuda architectures: " + architectures;
 }
@@ -25,11 +26,12 @@ nlohmann::ordered_json version_json() {
                                    {"cpu_features", built_cpu_features()},
                                    {"cuda_architectures", cuda_architectures()},
                                    {"backends", {"cpu"}}};
-    if (cuda_available()) {
+    const std::string no_cuda = try_cuda_device();
+    if (no_cuda.empty()) {
         json["backends"].push_back("cuda");
         json["device"] = cuda_driver_description();
     } else {
-        json["no_cuda"] = cuda_unavailable_reason();
+        json["no_cuda"] = no_cuda;
     }
     return json;
 }

@@ -32,9 +32,10 @@ constexpr double kRoomOfARun = 2 * kGiB;
 
 /// One thing that was looked for. The program works without any of them.
 struct Finding {
-    std::string name, found;  ///< `found` is empty where it is missing
-    std::string needed_for;   ///< what cannot be done without it
-    std::string get;          ///< how it is got; empty for what cannot be
+    std::string name, found;        ///< `found` is empty if it is missing or cannot be used
+    std::string needed_for;         ///< what cannot be done without it
+    std::string get;                ///< how it is got; empty for what cannot be
+    std::string state = "missing";  ///< if `found` is empty
 };
 
 /// Returns the path of a program on PATH, empty if there is none. Like the shell it takes an empty part for ".".
@@ -84,11 +85,17 @@ Finding cpu_finding() {
             .get = {}};
 }
 
+/// Tries one kernel: a GPU that is seen may still be one that this build has no code for.
 Finding gpu_finding() {
+    const std::string failure = try_cuda_device();
     Finding finding{.name = "GPU",
-                    .found = cuda_available() ? cuda_driver_description() : "",
-                    .needed_for = "training tens of times faster than on the CPU; " + cuda_unavailable_reason(),
+                    .found = failure.empty() ? cuda_driver_description() + "; a kernel ran" : "",
+                    .needed_for = "training tens of times faster than on the CPU",
                     .get = "an NVIDIA GPU of compute capability 8.0 or later with its driver; nvidia-smi must see it"};
+    if (cuda_device_count() > 0)
+        finding.state = "cannot be used, training runs on the CPU", finding.get = failure;
+    else
+        finding.needed_for += "; " + failure;
     if (cuda_architectures().empty())
         finding.get = "build gsapp where nvcc is found: cmake --preset release -DGSAPP_CUDA=ON";
     return finding;
@@ -176,10 +183,11 @@ std::string text_of(const std::vector<Finding>& findings) {
         if (!finding.found.empty())
             text += fmt::format("  {:<15} {}\n", finding.name, finding.found);
         else
-            text += fmt::format("- {:<15} missing\n  {:<15} for: {}\n  {:<15} get: {}\n", finding.name, "",
+            text += fmt::format("- {:<15} {}\n  {:<15} for: {}\n  {:<15} get: {}\n", finding.name, finding.state, "",
                                 finding.needed_for, "", finding.get);
     }
-    return text + "gsapp itself works; what is missing is only needed for what the list says.\n";
+    return text + "gsapp itself works" + (cuda_available() ? "" : ", on the CPU") +
+           "; what is missing is only needed for what the list says.\n";
 }
 
 std::string json_of(const std::vector<Finding>& findings) {
@@ -187,7 +195,7 @@ std::string json_of(const std::vector<Finding>& findings) {
     for (const Finding& finding : findings) {
         nlohmann::ordered_json one = {{"name", finding.name}, {"is_there", !finding.found.empty()}};
         if (finding.found.empty())
-            one.update({{"needed_for", finding.needed_for}, {"get", finding.get}});
+            one.update({{"state", finding.state}, {"needed_for", finding.needed_for}, {"get", finding.get}});
         else
             one["found"] = finding.found;
         json["findings"].push_back(one);

@@ -18,7 +18,6 @@
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
-#include "kernels/cuda/cuda_device.h"
 #include "lib/core/bytes.h"
 #include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
@@ -30,6 +29,7 @@
 #include "lib/io/atomic_file.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/scene/verify_images.h"
+#include "lib/train/choose_backend.h"
 #include "lib/train/rank_training.h"
 #include "lib/train/residual_share.h"
 #include "lib/train/scene_options.h"
@@ -210,8 +210,7 @@ std::string free_run_folder(const fs::path& parent, const TrainOptions& options,
 std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view,
                                   RankTeam* team) {
     setup_log(shown_messages(options));
-    if (options.device == Device::kCuda && !cuda_available())
-        throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
+    try_device(options.device);
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
     SceneOptions scene_choices = scene_options(options);
     scene_choices.scores = options.eval;

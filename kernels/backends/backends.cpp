@@ -43,6 +43,7 @@ std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, con
 #else
 bool cuda_available() { return false; }
 int cuda_device_count() { return 0; }
+std::string try_cuda_device() { return cuda_unavailable_reason(); }
 void use_cuda_device(int) { throw DeviceError("no CUDA device: " + cuda_unavailable_reason()); }
 std::string cuda_device_id() { return ""; }
 std::string cuda_driver_description() { throw DeviceError(cuda_unavailable_reason()); }

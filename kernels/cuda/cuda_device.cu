@@ -3,8 +3,11 @@
 #include "kernels/cuda/cuda_device.h"
 
 #include <algorithm>
+#include <mutex>
+#include <optional>
 
 #include "kernels/cuda/cuda.h"
+#include "kernels/cuda/device_code.h"
 
 namespace gs {
 namespace {
@@ -21,6 +24,9 @@ __global__ void __launch_bounds__(kBlock)
 #pragma unroll 4  // each thread has four loads under way
     for (std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x; i < n; i += stride) to[i] = from[i];
 }
+
+/// Answers the question whether this build's code runs here at all.
+__global__ void answer(int question, int* out) { *out = question + 1; }
 
 /// Runs the chains. The factors are arguments, so that the compiler cannot compute the chains beforehand.
 __global__ void __launch_bounds__(kBlock) chain_fmas(float factor, float term, float* __restrict__ out) {
@@ -92,6 +98,57 @@ std::string cuda_version(int number) {
     return std::to_string(number / 1000) + "." + std::to_string(number % 1000 / 10);
 }
 
+/// Returns the CUDA version of the driver, 0 if there is none.
+int driver_version() {
+    int version = 0;
+    GS_CUDA(cudaDriverGetVersion(&version));
+    return version;
+}
+
+/// The one kernel that a process tries before it relies on its device.
+class Trial {
+  public:
+    static Trial& of_process() {
+        static Trial trial;
+        return trial;
+    }
+
+    /// Returns why the kernel failed; empty if it ran, or was not tried yet.
+    std::string failure() {
+        const std::lock_guard lock(mutex_);
+        return failure_.value_or("");
+    }
+
+    /// Runs the kernel unless that was done before, and returns why it failed.
+    std::string run() {
+        const std::lock_guard lock(mutex_);
+        if (!failure_) failure_ = try_now();
+        return *failure_;
+    }
+
+  private:
+    static std::string try_now() {
+        try {
+            const Memory out(sizeof(int));
+            constexpr int kQuestion = 41;
+            int result = 0;
+            answer<<<1, 1>>>(kQuestion, out.as<int>());
+            GS_CUDA_LAUNCHED("answer");
+            GS_CUDA(cudaMemcpy(&result, out.as<int>(), sizeof(int), cudaMemcpyDeviceToHost));
+            if (result == kQuestion + 1) return "";
+            return std::string(current_device().name) + " computes wrong results: the first kernel returned " +
+                   std::to_string(result) + " for " + std::to_string(kQuestion + 1);
+        } catch (const DeviceError& error) {
+            return "the first kernel failed on the GPU (" + std::string(error.what()) + "); built for " +
+                   cuda_architectures() + " with CUDA " + cuda_version(CUDART_VERSION) + ", driver for CUDA " +
+                   cuda_version(driver_version());
+        }
+    }
+
+    std::mutex mutex_;
+    std::optional<std::string> failure_;  ///< empty text: it ran
+};
+
 }  // namespace
 
 std::string cuda_unavailable_reason() {
@@ -100,8 +157,17 @@ std::string cuda_unavailable_reason() {
     if (cudaDriverGetVersion(&driver) == cudaSuccess && driver == 0) return "no NVIDIA driver";
     const cudaError_t error = cudaGetDeviceCount(&count);
     if (error != cudaSuccess) return cudaGetErrorString(error);
-    return count > 0 ? "" : "no device";
+    if (count == 0) return "no device";
+    try {
+        const cudaDeviceProp device = current_device();
+        const std::string no_code = why_no_code(cuda_architectures(), device.name, device.major, device.minor);
+        return no_code.empty() ? Trial::of_process().failure() : no_code;
+    } catch (const DeviceError& unanswered) {
+        return unanswered.what();
+    }
 }
+
+std::string try_cuda_device() { return cuda_available() ? Trial::of_process().run() : cuda_unavailable_reason(); }
 
 int cuda_device_count() {
     int count = 0;
@@ -123,13 +189,10 @@ bool cuda_available() { return cuda_unavailable_reason().empty(); }
 
 std::string cuda_driver_description() {
     if (!cuda_available()) throw DeviceError("no CUDA device: " + cuda_unavailable_reason());
-    int driver = 0, runtime = 0;
-    GS_CUDA(cudaDriverGetVersion(&driver));
-    GS_CUDA(cudaRuntimeGetVersion(&runtime));
     const cudaDeviceProp p = current_device();
     return std::string(p.name) + " (sm_" + std::to_string(10 * p.major + p.minor) + ", " +
-           std::to_string(p.totalGlobalMem >> 20) + " MiB), driver for CUDA " + cuda_version(driver) + ", runtime " +
-           cuda_version(runtime);
+           std::to_string(p.totalGlobalMem >> 20) + " MiB), driver for CUDA " + cuda_version(driver_version()) +
+           ", runtime " + cuda_version(CUDART_VERSION);
 }
 
 Ceilings cuda_ceilings() {

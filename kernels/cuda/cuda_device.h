@@ -8,11 +8,15 @@
 
 namespace gs {
 
-/// Returns whether this build has CUDA and a device answers.
+/// Returns whether this build has CUDA, this thread's device answers and this build has code for it.
 bool cuda_available();
 
-/// Returns the number of devices that answer; 0 where cuda_available() is false.
+/// Returns the number of devices that answer, including those that this build has no code for; 0 without CUDA.
 int cuda_device_count();
+
+/// Runs one kernel on this thread's device. Returns why it did not run, as cuda_unavailable_reason() does from then on;
+/// empty if it ran. A process tries its device once and keeps the CUDA context that this makes.
+std::string try_cuda_device();
 
 /// Makes device `index` that of this thread, for all that it does from now on. Throws DeviceError.
 void use_cuda_device(int index);
@@ -21,7 +25,8 @@ void use_cuda_device(int index);
 /// false.
 std::string cuda_device_id();
 
-/// Returns in one line why cuda_available() is false ("built without CUDA", the driver's message).
+/// Returns in one line why cuda_available() is false: "built without CUDA", the driver's message, or the GPU, what this
+/// build has code for and the command that builds for the GPU. Makes no CUDA context.
 std::string cuda_unavailable_reason();
 
 /// Returns the architectures that this build holds code for, e.g. "sm_80 sm_90 sm_120+PTX"; empty for a build without

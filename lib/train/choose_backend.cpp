@@ -2,6 +2,8 @@
 // Chooses the device for a model and for its scores.
 #include "lib/train/choose_backend.h"
 
+#include <mutex>
+
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/bytes.h"
@@ -10,6 +12,16 @@
 namespace gs {
 
 bool uses_cuda(Device device) { return device == Device::kCuda || (device == Device::kAuto && cuda_available()); }
+
+void try_device(Device device) {
+    if (device == Device::kCpu) return;
+    const std::string failure = try_cuda_device();
+    if (failure.empty()) return;
+    if (device == Device::kCuda) throw DeviceError("option device: " + failure + "; or use --device cpu");
+    static std::once_flag warned;
+    if (cuda_device_count() > 0)
+        std::call_once(warned, [&] { log_warning("the CPU is used, many times slower than the GPU: {}", failure); });
+}
 
 BackendOptions backend_options(const TrainOptions& options) {
     return {.deterministic = options.deterministic,
@@ -22,6 +34,7 @@ BackendOptions backend_options(const TrainOptions& options) {
 }
 
 std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
+    try_device(device);
     const bool cuda = uses_cuda(device);
     if (!cuda && options.half_residuals)
         throw UsageError("option appearance-storage: fp16 needs a GPU; the CPU computes in fp32");
@@ -37,6 +50,7 @@ std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& app
 }
 
 std::unique_ptr<TensorEngine> choose_tensor_engine(Device device) {
+    try_device(device);
     return uses_cuda(device) ? make_cuda_tensor_engine() : make_cpu_tensor_engine();
 }
 

@@ -8,8 +8,12 @@
 
 namespace gs {
 
-/// Returns true if `device` means the GPU on this machine; with kAuto that is so if there is one.
+/// Returns true if `device` means the GPU on this machine; with kAuto that is so if there is one that can be used.
 bool uses_cuda(Device device);
+
+/// Runs one kernel on the GPU that `device` means (try_cuda_device), before anything is built on it. Throws DeviceError
+/// if that fails and `device` is kCuda; with kAuto warns once that the CPU is used although there is a GPU, and why.
+void try_device(Device device);
 
 /// Returns the part of a run's options that concerns the backend.
 BackendOptions backend_options(const TrainOptions& options);
