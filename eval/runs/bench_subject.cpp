@@ -7,6 +7,7 @@
 #include "eval/bench/bench.h"
 #include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
+#include "lib/model/limit_values.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
@@ -20,6 +21,7 @@ BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64
         SavedModel saved = read_saved_model(options.model, iteration);
         subject.scene = load_scene_of(saved, scene_options(options));
         subject.model = std::move(saved.state);
+        make_trainable(subject.model);  // iterations are measured, too
         subject.model.active_degree = subject.model.appearance.max_degree;
         subject.name = fmt::format("{}, {}", options.source, options.model);
         if (!is_point_cloud(options.model)) subject.name += fmt::format(" at iteration {}", saved.iteration);

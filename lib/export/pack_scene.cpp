@@ -20,6 +20,7 @@
 #include "lib/export/selected_rows.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/center.h"
+#include "lib/model/limit_values.h"
 
 namespace gs {
 namespace {
@@ -103,7 +104,8 @@ PackedCamera packed_camera(const Camera& camera) {
 void require_finite(const Gaussians& g) {
     for (int k = 0; k < kNumGroups; ++k) {
         const auto& group = g.groups[k];
-        const auto bad = std::find_if(group.param.begin(), group.param.end(), [](float x) { return !gs_isfinite(x); });
+        const auto bad =
+            std::find_if(group.param.begin(), group.param.end(), [&](float x) { return !has_meaning(Group(k), x); });
         if (bad != group.param.end())
             throw NumericError(fmt::format("cannot export: Gaussian {} has {} = {}",
                                            (bad - group.param.begin()) / group.width, kGroupNames[std::size_t(k)],

@@ -9,7 +9,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <sstream>
 #include <vector>
 
@@ -18,12 +17,14 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/core/spherical_harmonics.h"
+#include "kernels/splat/projection_device.h"
 #include "lib/core/choices.h"
 #include "lib/core/log.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/model/limit_values.h"
 #include "lib/scene/frame.h"
 
 namespace gs {
@@ -211,6 +212,63 @@ Columns find_columns(const PlyReader& file, const AppearanceSpec& a, int num_f_r
     return c;
 }
 
+/// Reads one Gaussian after another.
+class RowReader {
+  public:
+    RowReader(const AppearanceSpec& appearance, const Columns& columns, const FileCoordinates& coordinates)
+        : columns_(columns), coordinates_(coordinates) {
+        for (int i = 0; i < kNumGroups; ++i)
+            row_[std::size_t(i)].resize(std::size_t(group_width(Group(i), appearance)));
+    }
+
+    /// Reads row `r` of the chunk. Returns what keeps it from being a Gaussian; an empty text: nothing does.
+    std::string read(const PlyReader& file, std::int64_t r) {
+        std::string fault;
+        const auto put = [&](Group group, std::size_t k, int column, double value) {
+            row_[std::size_t(group)][k] = float(value);
+            if (has_meaning(group, float(value)) || !fault.empty()) return;
+            fault = fmt::format("{} = {}", file.header().properties[std::size_t(column)].name, value);
+        };
+        const auto put_all = [&](Group group, const auto& columns, auto&& convert) {
+            for (std::size_t k = 0; k < columns.size(); ++k)
+                put(group, k, columns[k], convert(file.value(r, columns[k]), int(k)));
+        };
+        const auto as_it_is = [](double value, int) { return value; };
+        put_all(Group::kMean, columns_.mean, [&](double x, int axis) { return coordinates_.from_file(x, axis); });
+        put_all(Group::kScale, columns_.scale, [&](double s, int) { return coordinates_.size_from_file(s); });
+        put_all(Group::kRotation, columns_.rotation, as_it_is);
+        put(Group::kOpacity, 0, columns_.opacity, file.value(r, columns_.opacity));
+        if (columns_.base.empty())
+            put_all(Group::kBase, columns_.dc, [](double value, int) { return value * kY0; });
+        else
+            put_all(Group::kBase, columns_.base, as_it_is);
+        put_all(Group::kResidual, columns_.residual, as_it_is);
+        return fault.empty() ? normalize_rotation() : fault;
+    }
+
+    void append_to(Gaussians& g) const {
+        for (int i = 0; i < kNumGroups; ++i)
+            g.groups[i].param.insert(g.groups[i].param.end(), row_[std::size_t(i)].begin(), row_[std::size_t(i)].end());
+    }
+
+  private:
+    /// Normalises a rotation that is too short or too long for the renderers; only its direction means something.
+    /// Returns the fault of a rotation of zero.
+    std::string normalize_rotation() {
+        std::vector<float>& q = row_[std::size_t(Group::kRotation)];
+        const Vec4<double> wxyz{q[0], q[1], q[2], q[3]};
+        const double squares = norm2(wxyz);
+        if (squares == 0) return "a rotation of zero";
+        if (!usable_rotation(wxyz))
+            for (float& x : q) x = float(x / std::sqrt(squares));
+        return {};
+    }
+
+    const Columns& columns_;
+    const FileCoordinates& coordinates_;
+    std::array<std::vector<float>, kNumGroups> row_;
+};
+
 }  // namespace
 
 std::int64_t ply_bytes_per_gaussian(const AppearanceSpec& appearance) {
@@ -223,6 +281,11 @@ std::int64_t ply_bytes_per_gaussian(const AppearanceSpec& appearance) {
 void write_ply(const std::filesystem::path& path, const Gaussians& g, const PlyOptions& options) {
     const PlyHeader header = make_header(g, options);
     const std::size_t width = header.properties.size();
+    std::vector<Group> groups;  // of the properties, as far as they tell which numbers are possible
+    for (const PlyProperty& p : header.properties)
+        groups.push_back(p.name == "opacity"            ? Group::kOpacity
+                         : p.name.starts_with("scale_") ? Group::kScale
+                                                        : Group::kMean);
     const FileCoordinates coordinates{options.frame, file_offset(options.frame)};
     AtomicFile file(path);
     write_ply_header(file.stream(), header);
@@ -233,10 +296,11 @@ void write_ply(const std::filesystem::path& path, const Gaussians& g, const PlyO
         parallel_for_rows(std::int64_t(n), [&](std::int64_t r) {
             float* row = rows.data() + std::size_t(r) * width;
             pack_row(g, first + r, coordinates, row);
-            if (!std::all_of(row, row + width, [](float value) { return gs_isfinite(value); })) broken = true;
+            for (std::size_t k = 0; k < width; ++k)
+                if (!has_meaning(groups[k], row[k])) broken = true;
         });
         for (std::size_t k = 0; broken && k < n * width; ++k) {
-            if (!gs_isfinite(rows[k])) {
+            if (!has_meaning(groups[k % width], rows[k])) {
                 throw NumericError(fmt::format("cannot export '{}': Gaussian {} has {} = {}", path.string(),
                                                first + std::int64_t(k / width), header.properties[k % width].name,
                                                rows[k]));
@@ -283,35 +347,32 @@ Gaussians read_ply(const std::filesystem::path& path, std::optional<Frame>* fram
         g.groups[i].width = group_width(Group(i), g.appearance);
         g.groups[i].param.reserve(std::size_t(g.count) * g.groups[i].width);
     }
-    std::int64_t row_in_file = 0;
+    RowReader row(g.appearance, columns, coordinates);
+    std::int64_t with_residual = residuals_comment(file), dropped = 0, row_in_file = 0;
+    const std::int64_t stated_residuals = with_residual;
+    std::string first_fault;
     while (const std::int64_t rows = file.next_chunk()) {
         for (std::int64_t r = 0; r < rows; ++r, ++row_in_file) {
-            const auto append_value = [&](Group group, int column, double value) {
-                if (!(std::abs(value) <= double(std::numeric_limits<float>::max()))) {
-                    file.fail(fmt::format("Gaussian {} has {} = {}", row_in_file,
-                                          file.header().properties[std::size_t(column)].name, value));
-                }
-                g[group].param.push_back(float(value));
-            };
-            const auto append = [&](Group group, int column) { append_value(group, column, file.value(r, column)); };
-            for (int axis = 0; axis < 3; ++axis)
-                append_value(Group::kMean, columns.mean[axis],
-                             coordinates.from_file(file.value(r, columns.mean[axis]), axis));
-            for (const int c : columns.scale)
-                append_value(Group::kScale, c, coordinates.size_from_file(file.value(r, c)));
-            for (const int c : columns.rotation) append(Group::kRotation, c);
-            append(Group::kOpacity, columns.opacity);
-            if (columns.base.empty()) {
-                for (const int c : columns.dc) append_value(Group::kBase, c, file.value(r, c) * kY0);
-            } else {
-                for (const int c : columns.base) append(Group::kBase, c);
+            const std::string fault = row.read(file, r);
+            if (fault.empty()) {
+                row.append_to(g);
+                continue;
             }
-            for (const int c : columns.residual) append(Group::kResidual, c);
+            if (dropped++ == 0) first_fault = fmt::format("Gaussian {} has {}", row_in_file, fault);
+            with_residual -= row_in_file < stated_residuals;
         }
     }
+    const std::int64_t in_file = g.count;
+    g.count -= dropped;
+    if (g.count == 0) file.fail(fmt::format("none of its {} Gaussians can be drawn: {}", in_file, first_fault));
+    if (dropped > 0)
+        log_warning(
+            "{}: {} of {} Gaussians are left out, because a number of theirs is not finite or their rotation is "
+            "zero; the first: {}",
+            path.string(), dropped, in_file, first_fault);
     // A program that moved rows and kept the comments leaves values beyond the number: then all have a residual.
     GroupArrays<float>& residuals = g[Group::kResidual];
-    const auto rest = residuals.param.begin() + residuals_comment(file) * residuals.width;
+    const auto rest = residuals.param.begin() + with_residual * residuals.width;
     if (std::all_of(rest, residuals.param.end(), [](float x) { return x == 0; }))
         residuals.param.erase(rest, residuals.param.end());
     g.shared.param = file.read_shared();

@@ -15,6 +15,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/model/bring_into_frame.h"
 #include "lib/model/initialize.h"
+#include "lib/model/limit_values.h"
 #include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
 
@@ -111,6 +112,9 @@ InitialModel read_initial_model(const fs::path& from) {
 Gaussians start_from(InitialModel model, const Scene& scene, const AppearanceSpec& appearance, std::uint64_t seed) {
     Gaussians g = std::move(model.gaussians);
     bring_into_frame(g, between(model.frame.value_or(Frame{}), scene.frame));
+    if (const std::int64_t changed = make_trainable(g); changed > 0)
+        log_info("{}: infinite opacities or scales of {} Gaussians have no gradient and begin as large finite ones",
+                 model.file.string(), changed);
     const AppearanceSpec before = g.appearance;
     const int width = group_width(Group::kResidual, appearance);
     std::string residuals = "residuals begin at 0";

@@ -301,8 +301,9 @@ TEST(GaussianPly, DamagedFilesAreNamedErrors) {
     const std::size_t data = good.find("end_header\n") + 11, row = (6 + 3 + 9 + 8) * 4;
     for (const float bad : {std::nanf(""), std::numeric_limits<float>::infinity()}) {
         std::string bytes = good;
-        std::memcpy(&bytes[data + 3 * row + (6 + 3 + 4) * 4], &bad, 4);
-        EXPECT_CONTAINS(error(bytes), "Gaussian 3 has f_rest_4");
+        for (std::size_t i = 0; i < 4; ++i) std::memcpy(&bytes[data + i * row + (6 + 3 + 4) * 4], &bad, 4);
+        EXPECT_CONTAINS(error(bytes), "none of its 4 Gaussians");
+        EXPECT_CONTAINS(error(bytes), "Gaussian 0 has f_rest_4");
     }
     const auto with_comment = [&](const std::string& text) {
         std::string bytes = good;
@@ -319,6 +320,61 @@ TEST(GaussianPly, DamagedFilesAreNamedErrors) {
     EXPECT_CONTAINS(error(with_comment("gsapp appearance sh max_degree 1 active_degree 1 activation softplus")),
                     "app_base_0");
     EXPECT_CONTAINS(error(with_comment("gsapp appearance sh nonsense")), "cannot understand");
+}
+
+TEST(GaussianPly, InfiniteOpacitiesAndScalesHaveTheMeaningOfTheirLimits) {
+    const TempFolder folder;
+    Gaussians g = random_gaussians(3, {"sh", 1, ColorActivation::kRelu});
+    const float infinity = std::numeric_limits<float>::infinity();
+    g[Group::kOpacity].param = {infinity, -infinity, 1};
+    g[Group::kScale].param[7] = -infinity;
+    for (const Frame& frame : {Frame{}, map_frame()}) {
+        write_ply(folder / "p.ply", g, {.frame = frame});
+        const Gaussians back = read_ply(folder / "p.ply");
+        EXPECT_EQ(back.count, 3);
+        EXPECT_EQ(back[Group::kOpacity].param, g[Group::kOpacity].param);
+        EXPECT_EQ(back[Group::kScale].param[7], -infinity);
+    }
+    g[Group::kScale].param[7] = infinity;
+    EXPECT_CONTAINS(message_of<NumericError>([&] { write_ply(folder / "q.ply", g, {}); }), "Gaussian 2 has scale_1");
+}
+
+TEST(GaussianPly, RowsThatAreNoGaussiansAreLeftOutAndCounted) {
+    const TempFolder folder;
+    const Gaussians g = random_gaussians(9, {"sh", 1, ColorActivation::kRelu});
+    write_ply(folder / "p.ply", g, {});
+    std::string bytes = slurp(folder / "p.ply");
+    const std::size_t data = bytes.find("end_header\n") + 11, row = (6 + 3 + 9 + 8) * 4;
+    const auto put = [&](std::size_t i, std::size_t column, float value) {
+        std::memcpy(&bytes[data + i * row + column * 4], &value, 4);
+    };
+    constexpr std::size_t kOpacity = 18, kScale = 19, kRotation = 22;
+    const float nan = std::nanf(""), infinity = std::numeric_limits<float>::infinity();
+    put(0, 0, nan), put(2, kOpacity, nan), put(3, kScale, infinity), put(4, kRotation + 1, infinity);
+    put(5, 6, -infinity);
+    for (std::size_t k = 0; k < 4; ++k) put(7, kRotation + k, 0), put(8, kRotation + k, k == 0 ? -3e9f : 0);
+    spit(folder / "p.ply", bytes);
+    const Gaussians back = read_ply(folder / "p.ply");
+    EXPECT_EQ(back.count, 3);
+    EXPECT_EQ(back.num_residuals(), 3);
+    const int kept[] = {1, 6, 8};
+    for (int i = 0; i < 3; ++i) EXPECT_EQ(back[Group::kMean].param[3 * i], g[Group::kMean].param[3 * kept[i]]);
+    EXPECT_EQ(back[Group::kRotation].param[8], -1) << "a rotation may have any length";
+}
+
+TEST(GaussianPly, RowsThatAreLeftOutDoNotShiftResiduals) {
+    const TempFolder folder;
+    Gaussians g = random_gaussians(4, {"sh", 1, ColorActivation::kRelu});
+    g[Group::kResidual].param.resize(2 * 9);
+    write_ply(folder / "p.ply", g, {});
+    std::string bytes = slurp(folder / "p.ply");
+    const float nan = std::nanf("");
+    std::memcpy(&bytes[bytes.find("end_header\n") + 11], &nan, 4);
+    spit(folder / "p.ply", bytes);
+    const Gaussians back = read_ply(folder / "p.ply");
+    EXPECT_EQ(back.count, 3);
+    EXPECT_EQ(back.num_residuals(), 1);
+    EXPECT_EQ(back[Group::kResidual].param[4], g[Group::kResidual].param[9 + 4]);
 }
 
 TEST(GaussianPly, MutatedFilesNeverCrash) {

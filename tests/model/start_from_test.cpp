@@ -122,6 +122,20 @@ TEST(StartFromFrame, PlacesAreThoseOfTheScene) {
     }
 }
 
+TEST(StartFromFile, InfiniteParametersBeginAsFiniteOnes) {
+    Gaussians g = random_gaussians(3, {"none", 0, ColorActivation::kRelu});
+    const float infinity = std::numeric_limits<float>::infinity(), untouched = g[Group::kScale].param[0];
+    g[Group::kOpacity].param = {infinity, -infinity, 2};
+    g[Group::kScale].param[8] = -infinity;
+    const Gaussians out = begun(g, g.appearance);
+    EXPECT_GT(sigmoid(double(out[Group::kOpacity].param[0])), 0.999);
+    EXPECT_LT(out[Group::kOpacity].param[0], 17) << "there would be no gradient";
+    EXPECT_LT(sigmoid(double(out[Group::kOpacity].param[1])), 1.0 / 255);
+    EXPECT_EQ(out[Group::kOpacity].param[2], 2);
+    EXPECT_EQ(out[Group::kScale].param[0], untouched);
+    EXPECT_EQ(out[Group::kScale].param[8], -12);
+}
+
 TEST(StartFromFile, WhatCannotBeginIsNamed) {
     const TempFolder folder;
     const AppearanceSpec none{"none", 0, ColorActivation::kRelu};
