@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdint>
+#include <cstring>
+#include <new>
 #include <type_traits>
 #include <vector>
 
@@ -44,6 +46,9 @@ double least_bytes(const OIIO::ImageSpec& spec, const std::string& format) {
     return pixels * channels * bits / 8 / ratio;
 }
 
+/// The most rows that a compression of OpenEXR packs together (DWAB).
+constexpr int kExrRows = 256;
+
 /// Whether a decoder that succeeded has lost pixels. OpenImageIO hands out the rows of truncated TIFF and JPEG files as
 /// if they were whole and only keeps the decoder's complaint. Other complaints of the JPEG decoder, as of bytes between
 /// segments, cost no pixel.
@@ -71,7 +76,8 @@ ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
             fail(fmt::format("cannot be decoded: {}", reason_from(input_->geterror())));
         input_->geterror();  // what was not in order with the metadata is not reported as damage to pixels
     } catch (const std::exception& e) {
-        if (dynamic_cast<const Error*>(&e)) throw;
+        // Memory that ran out is no damage.
+        if (dynamic_cast<const Error*>(&e) || dynamic_cast<const std::bad_alloc*>(&e)) throw;
         fail(fmt::format("cannot be decoded: {}", e.what()));
     }
     const OIIO::ImageSpec& spec = input_->spec();
@@ -80,8 +86,11 @@ ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
     if (spec.deep || spec.depth > 1) fail("deep and volume images are not photographs");
     if (claim.width == 0) {
         claim.least_bytes = least_bytes(spec, claim.format);
-        // One strip may hold the whole image: the library has it once, `decode` a second time. So it is with tiles.
-        claim.work_bytes = 2.0 * double(spec.image_bytes(true));
+        // The library and `decode` each have what is decoded together. One strip of a TIFF may hold the whole image,
+        // and so may tiles; without them an EXR has at most kExrRows rows in one piece.
+        const bool in_rows = std::strcmp(claim.format, "openexr") == 0 && spec.tile_width == 0;
+        const double part = in_rows ? std::min(1.0, double(kExrRows) / std::max(spec.height, 1)) : 1.0;
+        claim.work_bytes = 2.0 * part * double(spec.image_bytes(true));
     }
     claim.width = spec.width, claim.height = spec.height;
     const int channels = spec.nchannels == 2 || spec.nchannels > 3 ? 4 : 3, bytes = spec.format.size() > 1 ? 4 : 1;
@@ -116,7 +125,8 @@ template <class T> void ImageFile::decode(const std::function<void(const T*, std
             take(samples.data(), row * std::size_t(end - y));
         }
     } catch (const std::exception& e) {
-        if (dynamic_cast<const Error*>(&e)) throw;
+        // Memory that ran out is no damage.
+        if (dynamic_cast<const Error*>(&e) || dynamic_cast<const std::bad_alloc*>(&e)) throw;
         fail(fmt::format("cannot be decoded: {}", e.what()));
     }
 }

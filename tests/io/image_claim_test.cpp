@@ -216,6 +216,15 @@ TEST(ImageClaim, ExrAttributesThatTheFileCannotHoldAreRefused) {
     }
 }
 
+TEST(ImageClaim, AnEmptyDepthMapOfTheLargestSizeIsNotDamaged) {
+    const TempFolder folder;
+    Image depth{32768, 1024, 1, {}, {}};
+    depth.f32.resize(std::size_t(depth.width) * std::size_t(depth.height));
+    write_image(folder / "depth.exr", depth);
+    EXPECT_LT(std::filesystem::file_size(folder / "depth.exr"), 1u << 20);
+    EXPECT_EQ(read_image_info(folder / "depth.exr").width, depth.width);
+}
+
 TEST(ImageClaim, PipesAreRefused) {
     const TempFolder folder;
     ASSERT_EQ(::mkfifo((folder / "a.png").c_str(), 0666), 0);
