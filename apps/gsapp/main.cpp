@@ -23,6 +23,7 @@
 #include "apps/gsapp/bench.h"
 #include "apps/gsapp/command.h"
 #include "kernels/core/error.h"
+#include "lib/core/foreign_options.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -110,7 +111,7 @@ int run(int argc, char** argv) {
     add_manual_command(app, selected);
     require_decimal_numbers(app);
     try {
-        std::vector<std::string> words = with_bench_subcommand({argv + 1, argv + argc});
+        std::vector<std::string> words = with_foreign_command(with_bench_subcommand({argv + 1, argv + argc}));
         std::reverse(words.begin(), words.end());  // as CLI11 takes them
         app.parse(std::move(words));
     } catch (const CLI::Success& help_or_version) {

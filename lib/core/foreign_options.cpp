@@ -5,6 +5,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <set>
+#include <system_error>
 
 #include "lib/core/options.h"
 
@@ -156,10 +159,52 @@ ForeignProgram gsplat() {
          ignored_switch("--disable_video", "no video is made; `gsapp render` makes pictures"),
          ignored("--tb_every",
                  "--tensorboard DIR writes event files, and stats/train.jsonl is the log: each every 100 iterations"),
-         ignored("--lpips_net", "`gsapp eval --metrics lpips-vgg,lpips-alex` names the net")}};
+         ignored("--lpips_net", "`gsapp eval --metrics lpips-vgg,lpips-alex` names the net"),
+         missing("--ckpt",
+                 "checkpoints of PyTorch are not read; a run is scored by `gsapp eval RUN`, and its pictures "
+                 "are made by `gsapp render RUN`"),
+         missing("--compression", "a run is made small by `gsapp export RUN -o DIR`"),
+         ignored("--render_traj_path", "no video is made in training; `gsapp render --orbit N --video FILE` makes one"),
+         missing("--data_type", "scenes are read as --source says", "colmap"),
+         missing("--camera_model", "images of other lenses are undistorted", "pinhole"),
+         missing("--patch_size", "whole images are trained on"),
+         missing("--global_scale", "scenes of any size are brought to a usual one", "1"),
+         ignored_switch("--normalize_world_space", "scenes of any size are brought to a usual one"),
+         ignored_switch("--load_exposure", "--ppisp-exif uses it"),
+         missing("--steps_scaler", "--iterations names the length, which schedules follow", "1"),
+         missing("--init_type", "points are random if the scene has none; --init-points is their number", "sfm"),
+         ignored("--init_extent", "acts with --init_type random only"),
+         missing("--init_opa", "first opacities are those of 3DGS-MCMC"),
+         missing("--init_scale", "first scales follow from the distances of points", "1"),
+         missing("--sh_degree_interval", "degrees rise with the schedule"),
+         missing("--near_plane", "it is fixed"),
+         missing("--far_plane", "it is fixed"),
+         synonym("--means_lr", "position-lr-init", "the final rate is --position-lr-final, a hundredth there"),
+         synonym("--sh0_lr", "feature-lr"),
+         missing("--shN_lr", "it is a twentieth of --feature-lr"),
+         ignored("--pose_opt_lr", "acts with --pose_opt only"),
+         ignored("--pose_opt_reg", "acts with --pose_opt only"),
+         missing("--pose_noise", "camera poses are taken as they are", "0"),
+         ignored("--app_embed_dim", "acts with --app_opt only"),
+         ignored("--app_opt_lr", "acts with --app_opt only"),
+         ignored("--app_opt_reg", "acts with --app_opt only"),
+         missing("--post_processing", "--ppisp on learns exposure and colour; there are no bilateral grids"),
+         missing_switch("--use_bilateral_grid", "there are no bilateral grids; --ppisp on learns exposure and colour"),
+         ignored("--depth_lambda", "acts with --depth_loss only"),
+         ignored_switch("--tb_save_image", "--preview-every N saves images"),
+         missing_switch("--with_ut", "images are undistorted, and Gaussians projected as in 3DGS"),
+         missing_switch("--with_eval3d", "images are undistorted, and Gaussians projected as in 3DGS"),
+         missing_switch("--strategy.absgrad", "the norm of summed gradients decides, against --densify-grad-threshold"),
+         missing_switch("--strategy.revised-opacity", "copies keep the opacity; --strategy mcmc corrects it"),
+         missing("--strategy.prune-opa", "--strategy adc removes what is fainter than 0.005", "0.005"),
+         missing("--strategy.min-opacity", "--strategy mcmc moves what is fainter than 0.005", "0.005"),
+         ignored_switch("--strategy.verbose", "-v shows more messages")}};
 }
 
 ForeignProgram nerfstudio() {
+    constexpr const char *kScored = "test views are scored at the end, and after --test-iterations",
+                         *kFolder = "the run folder is what -m says",
+                         *kFrame = "models are written in the coordinates of the scene as it is";
     return {
         "nerfstudio",
         "ns-train splatfacto",
@@ -178,11 +223,58 @@ ForeignProgram nerfstudio() {
          synonym("--machine.device-type", "device"),
          missing("--pipeline.model.rasterize-mode", kNoFilter, "classic"),
          missing("--pipeline.model.camera-optimizer.mode", "camera poses are taken as they are", "off"),
-         ignored("--experiment-name", "the run folder is what -m says"),
+         ignored("--experiment-name", kFolder),
          ignored("--vis", kNoViewer),
          ignored("--viewer.quit-on-train-completion", "the program ends with the training"),
          ignored("--viewer.websocket-port", kNoServer),
-         ignored("--steps-per-save", "checkpoints are written by --checkpoint-minutes and --checkpoint-iterations")}};
+         ignored("--steps-per-save", "checkpoints are written by --checkpoint-minutes and --checkpoint-iterations"),
+         ignored("--save-only-latest-checkpoint", "those of --checkpoint-minutes replace each other"),
+         ignored("--steps-per-eval-batch", kScored),
+         ignored("--steps-per-eval-image", kScored),
+         ignored("--steps-per-eval-all-images", kScored),
+         ignored("--timestamp", kFolder),
+         ignored("--project-name", kFolder),
+         ignored("--method-name", kFolder),
+         ignored("--relative-model-dir", kFolder),
+         ignored("--mixed-precision", kOneWay),
+         ignored("--use-grad-scaler", kOneWay),
+         ignored("--logging.local-writer.enable", "-q and -v choose the messages"),
+         ignored("--pipeline.datamanager.images-on-gpu", "images are kept where they fit, up to --image-cache"),
+         ignored("--pipeline.datamanager.cache-images", "images are kept where they fit, up to --image-cache"),
+         ignored("--pipeline.datamanager.cache-images-type", "images are kept where they fit, up to --image-cache"),
+         ignored("--pipeline.model.output-depth-during-training", "`gsapp render --depth` makes depth maps"),
+         missing("--load-dir", "--resume goes on with a run of gsapp, and --init begins with a .ply"),
+         missing("--load-checkpoint", "--resume goes on with a run of gsapp, and --init begins with a .ply"),
+         missing("--load-config", "-c reads a file of gsapp's options"),
+         missing("--machine.num-devices", "--ranks names the number of GPUs", "1"),
+         missing("--pipeline.model.strategy", "--strategy names it; `default` there is adc here", "mcmc"),
+         missing("--pipeline.model.cull-alpha-thresh", "--strategy adc removes what is fainter than 0.005", "0.005"),
+         missing("--pipeline.model.continue-cull-post-densification", "nothing is removed after --densify-until-iter",
+                 "False"),
+         missing("--pipeline.model.use-scale-regularization",
+                 "there is no limit on the ratio of scales; --scale-reg makes scales small", "False"),
+         missing("--pipeline.model.use-bilateral-grid",
+                 "there are no bilateral grids; --ppisp on learns exposure and colour", "False"),
+         missing("--pipeline.model.random-init", "points are random if the scene has none; --init-points is their number", "False"),
+         missing("--pipeline.model.num-downscales", "--coarse-until names the share trained at coarser sizes", "0"),
+         synonym("--pipeline.model.densify-grad-thresh", "densify-grad-threshold"),
+         synonym("--pipeline.model.densify-size-thresh", "percent-dense"),
+         synonym("--pipeline.model.warmup-length", "densify-from-iter", "the first change itself"),
+         synonym("--pipeline.model.stop-split-at", "densify-until-iter", "the last change itself"),
+         synonym("--pipeline.model.refine-every", "densification-interval"),
+         missing("--pipeline.model.reset-alpha-every", "--opacity-reset-interval counts iterations"),
+         missing("--pipeline.model.sh-degree-interval", "degrees rise with the schedule"),
+         synonym("--downscale-factor", "resolution"),
+         synonym("--images-path", "images"),
+         synonym("--eval-interval", "test-every", "with `--eval`"),
+         missing("--eval-mode", "--test-every and --test-list choose the test views", "interval"),
+         missing("--train-split-fraction", "--test-every and --test-list choose the test views"),
+         missing("--colmap-path", "the scene's folder is searched", "sparse/0"),
+         ignored("--orientation-method", kFrame),
+         ignored("--center-method", kFrame),
+         ignored("--auto-scale-poses", kFrame),
+         ignored("--scale-factor", kFrame),
+         ignored("--scene-scale", kFrame)}};
 }
 
 ForeignProgram lichtfeld() {
@@ -190,6 +282,9 @@ ForeignProgram lichtfeld() {
             "LichtFeld-Studio",
             {synonym("--data-path", "source"), synonym("--output-path", "model"), synonym("--max-cap", "cap-max")}};
 }
+
+/// Words by which ns-train says of which kind a scene is. Here its files say so.
+const std::set<std::string> kDataParsers = {"colmap", "nerfstudio-data", "blender-data", "instant-ngp-data"};
 
 std::string counterpart(const ForeignOption& option) {
     switch (option.use) {
@@ -211,6 +306,36 @@ std::string note(const ForeignOption& option) {
 }
 
 }  // namespace
+
+const std::vector<ForeignCommand>& foreign_commands() {
+    constexpr const char *kGsplat = "simple_trainer.py of gsplat", *kNerfstudio = "ns-train of nerfstudio";
+    static const std::vector<ForeignCommand> commands = {
+        {"default", kGsplat, {{"strategy", "adc"}, {"eval", "true"}, {"resolution", "4"}}},
+        {"mcmc", kGsplat, {{"strategy", "mcmc"}, {"eval", "true"}, {"resolution", "4"}}},
+        {"splatfacto", kNerfstudio, {{"strategy", "adc"}, {"eval", "true"}}},
+        {"splatfacto-mcmc", kNerfstudio, {{"strategy", "mcmc"}, {"eval", "true"}}},
+        {"splatfacto-big",
+         kNerfstudio,
+         {},
+         "it makes more Gaussians; splatfacto with --densify-grad-threshold 0.0005 does so, too"}};
+    return commands;
+}
+
+std::vector<std::string> with_foreign_command(std::vector<std::string> words) {
+    if (words.size() < 2 || words[0] != "train") return words;
+    const auto& commands = foreign_commands();
+    const auto command =
+        std::find_if(commands.begin(), commands.end(), [&](const ForeignCommand& c) { return c.word == words[1]; });
+    std::error_code error;  // a scene of this name is meant as one
+    if (command == commands.end() || std::filesystem::exists(words[1], error)) return words;
+    words.insert(words.begin() + 1, kForeignCommandFlag);
+    // ns-train names the kind of a scene by a word of its own, behind the options of the model.
+    for (std::size_t i = words.size() - 1; i > 2; --i)
+        if (kDataParsers.contains(words[i]) &&
+            (!words[i - 1].starts_with("--") || words[i - 1].find('=') != std::string::npos))
+            words.erase(words.begin() + std::ptrdiff_t(i));
+    return words;
+}
 
 const std::vector<ForeignProgram>& foreign_programs() {
     static const std::vector<ForeignProgram> programs = {inria(), gsplat(), nerfstudio(), lichtfeld()};
@@ -240,16 +365,22 @@ std::string coming_from_markdown() {
         "| `python convert.py -s SCENE`, `ns-process-data images --data PHOTOS --output-dir SCENE` | `gsapp prepare "
         "PHOTOS -o SCENE` |\n"
         "| `python train.py -s SCENE -m RUN --eval` | `gsapp train -s SCENE -m RUN --eval` |\n"
-        "| `python simple_trainer.py mcmc --data_dir SCENE --result_dir RUN` | `gsapp train --data_dir SCENE "
-        "--result_dir RUN --eval` |\n"
-        "| `python simple_trainer.py default ...` | `gsapp train --strategy adc ...` |\n"
-        "| `ns-train splatfacto --data SCENE --output-dir RUN` | `gsapp train --data SCENE --output-dir RUN` |\n"
-        "| `python render.py -m RUN` | `gsapp render -m RUN` |\n"
+        "| `python simple_trainer.py mcmc --data_dir SCENE --result_dir RUN` | `gsapp train mcmc --data_dir SCENE "
+        "--result_dir RUN`, which means `--strategy mcmc --eval -r 4` |\n"
+        "| `python simple_trainer.py default ...` | `gsapp train default ...`, which means `--strategy adc --eval "
+        "-r 4` |\n"
+        "| `ns-train splatfacto --data SCENE --output-dir RUN` | `gsapp train splatfacto --data SCENE --output-dir "
+        "RUN`, which means `--strategy adc --eval` |\n"
+        "| `python render.py -m RUN` | `gsapp render -m RUN --views all` |\n"
+        "| `python render.py -m RUN --skip_train` | `gsapp render -m RUN --skip_train`, or `--views test` |\n"
+        "| `ns-render camera-path --camera-path-filename FILE` | `gsapp render RUN --path FILE --video FILE.mp4` |\n"
         "| `python metrics.py -m RUN` | `gsapp eval -m RUN --protocol inria`, or `gsapp metrics -m RUN` |\n"
         "| `SIBR_gaussianViewer_app -m RUN` | `gsapp view RUN`; the run folder is one that SIBR reads, too |\n"
         "| `ns-export gaussian-splat` | RUN/point_cloud has the PLY; `gsapp export RUN` writes other formats |\n\n"
         "Defaults are those of 3DGS-MCMC with at most a million Gaussians (`--cap-max`). `--strategy adc` has the\n"
-        "original rule of 3DGS, and `--schedule fixed` its iterations whatever the length of the run.\n";
+        "original rule of 3DGS, and `--schedule fixed` its iterations whatever the length of the run. `-1` in a list "
+        "of\n"
+        "iterations (`--test_iterations -1`, `--eval_steps -1`) is none of them, as there.\n";
     for (const ForeignProgram& program : foreign_programs()) {
         text += fmt::format("\n## {}: `{}`\n\n| there | here | |\n|---|---|---|\n", program.name, program.command);
         for (const ForeignOption& option : program.options) {

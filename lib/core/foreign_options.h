@@ -4,6 +4,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace gs {
@@ -31,6 +32,22 @@ struct ForeignProgram {
     std::string name, command;
     std::vector<ForeignOption> options;
 };
+
+/// A word that other programs have in front of their options, and the options of gsapp that it stands for. Options
+/// that are given beat them.
+struct ForeignCommand {
+    std::string word, program;
+    std::vector<std::pair<std::string, std::string>> settings;  ///< keys and values
+    std::string missing = {};  ///< what gsapp lacks for it, which is an error, and what comes near; empty: nothing
+};
+const std::vector<ForeignCommand>& foreign_commands();
+
+/// The hidden option of `gsapp train` that names a ForeignCommand.
+inline constexpr const char* kForeignCommandFlag = "--as-in";
+
+/// Puts kForeignCommandFlag in front of a ForeignCommand that follows `train` and names no file or folder, and takes
+/// out the word by which ns-train says of which kind a scene is.
+std::vector<std::string> with_foreign_command(std::vector<std::string> words);
 
 /// All programs. Where two have the same option, that of the first counts on the command line.
 const std::vector<ForeignProgram>& foreign_programs();

@@ -251,7 +251,8 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
             using T = std::decay_t<decltype(value)>;
             if constexpr (is_list<T>) {
                 T list;
-                for (const std::string& text : values) parse_into(list.emplace_back(), text, where);
+                for (const std::string& text : values)
+                    if (text != "-1") parse_into(list.emplace_back(), text, where);  // stands for none
                 value = list;
             } else {
                 if (values.size() != 1)

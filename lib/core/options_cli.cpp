@@ -3,6 +3,7 @@
 #include "lib/core/options_cli.h"
 
 #include <algorithm>
+#include <charconv>
 
 #include <fmt/format.h>
 
@@ -53,6 +54,21 @@ std::vector<std::string> hidden_spellings(const Option& option) {
             if (foreign.use == ForeignUse::kSynonym && foreign.key == option.key)
                 for (const std::string& name : spellings(foreign)) names.push_back(name);
     return names;
+}
+
+/// Whether both texts are the same number: 1 and 1.0.
+bool is_same_number(const std::string& a, const std::string& b) {
+    const auto number = [](const std::string& text, double& value) {
+        const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+        return error == std::errc{} && end == text.data() + text.size();
+    };
+    double x = 0, y = 0;
+    return number(a, x) && number(b, y) && x == y;
+}
+
+const Option& option_of(const std::string& key) {
+    const auto& table = train_option_table();
+    return *std::find_if(table.begin(), table.end(), [&](const Option& option) { return option.key == key; });
 }
 
 }  // namespace
@@ -106,6 +122,7 @@ TrainArguments::TrainArguments(CLI::App& app, const std::string& without) {
             declare(app, option, names, option.group);
         }
     declare_foreign(app, without);
+    if (without.empty()) app.add_option(kForeignCommandFlag, foreign_command_)->group("");
     app.get_option("-w")->group("Run")->description("short for --background white; overrides --background");
 }
 
@@ -145,10 +162,20 @@ void TrainArguments::declare_foreign(CLI::App& app, const ForeignProgram& progra
 bool TrainArguments::ForeignFlag::given() const {
     if (cli->count() == 0) return false;
     const bool has_value = option->use != ForeignUse::kSets && !option->is_switch;
-    return has_value ? cli->results().back() != option->value : cli->as<bool>();
+    if (!has_value) return cli->as<bool>();
+    const std::string& value = cli->results().back();
+    return value != option->value && !is_same_number(value, option->value);
 }
 
 void TrainArguments::check_foreign() const {
+    if (const ForeignCommand* command = foreign_command()) {
+        if (!command->missing.empty())
+            throw UsageError(fmt::format("{} of {}: not yet: {}", command->word, command->program, command->missing));
+        std::string meaning;
+        for (const auto& [key, value] : command->settings)
+            if (!given().contains(key)) meaning += value == "true" ? " --" + key : " --" + key + " " + value;
+        log_info("{}, as for {}:{}", command->word, command->program, meaning);
+    }
     for (const ForeignFlag& flag : foreign_) {
         if (!flag.given()) continue;
         if (flag.option->use == ForeignUse::kMissing)
@@ -159,7 +186,16 @@ void TrainArguments::check_foreign() const {
     }
 }
 
+const ForeignCommand* TrainArguments::foreign_command() const {
+    const auto& commands = foreign_commands();
+    const auto found = std::find_if(commands.begin(), commands.end(),
+                                    [&](const ForeignCommand& c) { return c.word == foreign_command_; });
+    return found == commands.end() ? nullptr : &*found;
+}
+
 void TrainArguments::apply_flags(TrainOptions& options) const {
+    if (const ForeignCommand* command = foreign_command())
+        for (const auto& [key, value] : command->settings) set_option(options, option_of(key), {value}, command->word);
     const Option* previous = nullptr;
     for (const Flag& flag : flags_) {
         if (flag.cli->count() == 0) continue;
@@ -179,11 +215,7 @@ void TrainArguments::apply_flags(TrainOptions& options) const {
             throw UsageError(fmt::format("{} and {}: not yet: each sets --{}, which has one value", other->option->name,
                                          flag.option->name, flag.option->key));
         other = &flag;
-        const auto& table = train_option_table();
-        set_option(options,
-                   *std::find_if(table.begin(), table.end(),
-                                 [&](const Option& option) { return option.key == flag.option->key; }),
-                   {flag.option->value}, flag.option->name);
+        set_option(options, option_of(flag.option->key), {flag.option->value}, flag.option->name);
     }
 }
 

@@ -50,6 +50,8 @@ class TrainArguments {
     TrainOptions base(bool stored_run) const;
     void apply_flags(TrainOptions& options) const;
     void check_foreign() const;
+    /// Returns the command that kForeignCommandFlag names, or null.
+    const ForeignCommand* foreign_command() const;
     struct Flag {
         const Option* option;
         CLI::Option* cli;
@@ -71,7 +73,7 @@ class TrainArguments {
     std::vector<Flag> flags_;
     std::vector<ForeignFlag> foreign_;
     std::set<std::string> names_;  ///< all that are declared
-    std::string config_;
+    std::string config_, foreign_command_;
 };
 
 }  // namespace gs

@@ -146,11 +146,11 @@ std::vector<Option> run_options() {
              "on the GPU: evaluate appearance in kernels of its own instead of within projection and update; slower, "
              "to compare and to check"),
         number("test-iterations", &O::test_iterations, {1, kMaxIterations, "iterations"},
-               "with eval: iterations after which the test views are measured, besides the last"),
+               "with eval: iterations after which the test views are measured, besides the last; -1: none"),
         number("save-iterations", &O::save_iterations, {1, kMaxIterations, "iterations"},
-               "iterations after which the PLY is saved, besides the last"),
+               "iterations after which the PLY is saved, besides the last; -1: none"),
         number("checkpoint-iterations", &O::checkpoint_iterations, {1, kMaxIterations, "iterations"},
-               "iterations after which a checkpoint is saved, besides the last"),
+               "iterations after which a checkpoint is saved, besides the last; -1: none"),
         number("checkpoint-minutes", &O::checkpoint_minutes, {0, 1e6, "minutes"},
                "minutes of training after which a checkpoint is saved at the next multiple of 100 iterations; it "
                "replaces the one before that was saved for the same reason; 0: never"),

@@ -6,11 +6,13 @@
 
 #include <algorithm>
 #include <fstream>
+#include <iterator>
 #include <set>
 #include <sstream>
 
 #include "kernels/core/error.h"
 #include "lib/core/options_cli.h"
+#include "tests/core/temporary_folder.h"
 
 namespace gs {
 namespace {
@@ -99,6 +101,86 @@ TEST(ForeignOptions, ValuesThatAskForNothingAreAccepted) {
                 EXPECT_NO_THROW(parse({"--source", "here", foreign.name, foreign.value})) << foreign.name;
             }
     EXPECT_NO_THROW(parse({"--source", "here", "--antialiasing=false"}));
+}
+
+TEST(ForeignOptions, NumbersThatAskForNothingMayBeSpelledOtherwise) {
+    EXPECT_NO_THROW(parse({"--source", "here", "--steps_scaler", "1.0", "--init_scale", "1"}));
+    EXPECT_THROW(parse({"--source", "here", "--steps_scaler", "0.25"}), UsageError);
+}
+
+TEST(ForeignOptions, MinusOneInAListOfIterationsIsNone) {
+    const TrainOptions options = parse({"--source", "here", "--test_iterations", "-1", "--ply_steps", "-1"});
+    EXPECT_TRUE(options.test_iterations.empty());
+    EXPECT_TRUE(parse({"-s", "here", "--save_iterations", "-1", "--quiet"}).save_iterations.empty());
+    EXPECT_EQ(parse({"-s", "here", "--save_steps", "-1", "7"}).checkpoint_iterations, std::vector<std::int64_t>{7});
+    EXPECT_THROW(parse({"-s", "here", "--test_iterations", "-2"}), UsageError);
+}
+
+TEST(ForeignOptions, CommandsOfOtherProgramsStandForOptions) {
+    const auto parse_line = [](std::vector<std::string> words) {
+        words = with_foreign_command(std::move(words));
+        EXPECT_EQ(words.front(), "train");
+        words.erase(words.begin());
+        return parse(std::move(words));
+    };
+    const TrainOptions mcmc = parse_line({"train", "mcmc", "--data_dir", "here", "--eval_steps", "-1"});
+    EXPECT_EQ(mcmc.source, "here");
+    EXPECT_EQ(mcmc.strategy, Strategy::kMcmc);
+    EXPECT_TRUE(mcmc.eval);
+    EXPECT_EQ(mcmc.resolution, 4);
+    const TrainOptions adc = parse_line({"train", "default", "--data_dir", "here", "--data_factor", "2"});
+    EXPECT_EQ(adc.strategy, Strategy::kAdc);
+    EXPECT_EQ(adc.resolution, 2);
+    EXPECT_EQ(parse_line({"train", "default", "-s", "here", "-r", "1", "--strategy", "mcmc"}).strategy,
+              Strategy::kMcmc);
+    const TrainOptions splatfacto =
+        parse_line({"train", "splatfacto", "--vis", "viewer", "colmap", "--data", "here", "--downscale-factor", "8"});
+    EXPECT_EQ(splatfacto.strategy, Strategy::kAdc);
+    EXPECT_EQ(splatfacto.resolution, 8);
+    EXPECT_THROW(parse_line({"train", "splatfacto-big", "--data", "here"}), UsageError);
+    EXPECT_EQ(parse_line({"train", "here", "-m", "mcmc"}).source, "here");
+    EXPECT_EQ(with_foreign_command({"eval", "mcmc"}), (std::vector<std::string>{"eval", "mcmc"}));
+    const test::TemporaryFolder folder;
+    const std::string scene = folder.write("mcmc", "").string();
+    EXPECT_EQ(parse_line({"train", scene}).source, scene);
+}
+
+/// Lines of full_eval.py, of gsplat's examples/benchmarks and of nerfstudio's documentation.
+TEST(ForeignOptions, LinesOfPublishedScriptsAreTakenOrNameAnOption) {
+    const auto parse_line = [](const std::string& line) {
+        std::istringstream in("train " + line);
+        std::vector<std::string> words{std::istream_iterator<std::string>(in), {}};
+        words = with_foreign_command(std::move(words));
+        words.erase(words.begin());
+        return parse(std::move(words));
+    };
+    for (const char* line :
+         {"-s tandt/truck -m ./eval/truck --quiet --eval --test_iterations -1",
+          "-s 360/garden -i images_4 -m ./eval/garden --quiet --eval --test_iterations -1 --optimizer_type sparse_adam",
+          "default --eval_steps -1 --disable_viewer --data_factor 4 --render_traj_path ellipse --data_dir "
+          "data/360_v2/garden/ --result_dir results/benchmark/garden/",
+          "mcmc --eval_steps -1 --disable_viewer --data_factor 2 --strategy.cap-max 1000000 --render_traj_path ellipse "
+          "--data_dir data/360_v2/room/ --result_dir results/room/",
+          "splatfacto --data here", "splatfacto --data here --max-num-iterations 7000 --vis viewer+tensorboard",
+          "splatfacto --pipeline.model.cull_alpha_thresh=0.005 "
+          "--pipeline.model.continue_cull_post_densification=False --data here",
+          "splatfacto --max-num-iterations 2000 --vis tensorboard --viewer.quit-on-train-completion True colmap --data "
+          ". --images-path images --downscale-factor 1 --colmap-path sparse/0"})
+        EXPECT_NO_THROW(parse_line(line)) << line;
+    for (const auto& [line, named] :
+         {std::pair{"mcmc --data_dir a --result_dir b --lpips_net vgg --compression png --ckpt b/ckpt_29999_rank0.pt",
+                    "gsapp"},
+          {"mcmc --data_dir a --with_eval3d --with_ut", "undistorted"},
+          {"default --data_dir a --steps_scaler 0.25 --packed", "--iterations"},
+          {"splatfacto --pipeline.model.use_scale_regularization True --data a", "--scale-reg"},
+          {"splatfacto-big --data a", "--densify-grad-threshold"}}) {
+        try {
+            parse_line(line);
+            ADD_FAILURE() << line;
+        } catch (const UsageError& e) {
+            EXPECT_NE(std::string(e.what()).find(named), std::string::npos) << e.what();
+        }
+    }
 }
 
 TEST(ForeignOptions, BackgroundsOf3dgsDoNotMix) {
