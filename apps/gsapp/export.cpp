@@ -2,6 +2,7 @@
 // gsapp export: a finished run or a point cloud as a page that shows it, or as a file for other programs.
 #include <fmt/format.h>
 
+#include <cctype>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -23,7 +24,7 @@ struct ExportArguments {
     std::shared_ptr<SceneArguments> scene;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     int photographs = 0;          ///< most of them
-    bool sh_projection = false, overwrite = false, compatible = false, levels = false, json = false;
+    bool has_format = false, sh_projection = false, overwrite = false, compatible = false, levels = false, json = false;
 };
 
 nlohmann::ordered_json json_of(const std::vector<ExportedModel>& exported) {
@@ -39,7 +40,42 @@ nlohmann::ordered_json json_of(const std::vector<ExportedModel>& exported) {
     return json;
 }
 
-void run_export(const ExportArguments& arguments) {
+/// Returns the format that the ending of --output names, where that is no folder. Throws UsageError for the endings of
+/// files that gsapp does not write.
+std::string format_of_name(const std::filesystem::path& output) {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(output, ignored)) return {};
+    std::string ending = output.extension().string();
+    for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
+    if (ending == ".ply" || ending == ".splat") return ending.substr(1);
+    const std::filesystem::path ply = std::filesystem::path(output).replace_extension(".ply");
+    for (const char* converted : {".spz", ".sog", ".glb", ".html"})
+        if (ending == converted)
+            throw UsageError(
+                fmt::format("--output {}: {} files are not written; write a .ply with -o {} and convert it: npx "
+                            "@playcanvas/splat-transform {} {}{}",
+                            output.string(), ending, ply.string(), ply.string(), output.string(),
+                            ending == std::string(".html") ? "; or name a folder, which becomes a page" : ""));
+    for (const char* other : {".ksplat", ".gltf", ".usdz", ".usd", ".obj", ".pth", ".pt", ".ckpt", ".npz", ".zip",
+                              ".lcc", ".sogs", ".json"})
+        if (ending == other)
+            throw UsageError(
+                fmt::format("--output {}: {} files are not written; -o {} writes a .ply, which most "
+                            "programs read, and a folder becomes a page",
+                            output.string(), ending, ply.string()));
+    if (ending == ".ngsplat")
+        throw UsageError(fmt::format("--output {}: name a folder, in which scene.ngsplat and its page are written",
+                                     output.string()));
+    return {};
+}
+
+void run_export(ExportArguments arguments) {
+    const std::string named = format_of_name(arguments.output);
+    if (!named.empty() && arguments.has_format && arguments.format != named)
+        throw UsageError(fmt::format("--output {} names a .{} file, but --format {} writes {}", arguments.output, named,
+                                     arguments.format,
+                                     arguments.format == "web" ? "a folder" : "a ." + arguments.format));
+    if (!named.empty()) arguments.format = named;
     if (arguments.sh_projection && arguments.format != "ply") throw UsageError("--sh-projection is for --format ply");
     RunChanges changes = arguments.scene->changes(arguments.runs);
     changes.needs_scene = arguments.photographs != 0 || arguments.levels;
@@ -57,6 +93,7 @@ void run_export(const ExportArguments& arguments) {
         .run = arguments.runs.front(),
         .iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration),
         .output = arguments.output,
+        .is_file = !named.empty(),
         .overwrite = arguments.overwrite,
         .up = arguments.up,
         .compatible = arguments.compatible,
@@ -85,13 +122,23 @@ void add_export_command(CLI::App& app, Command& selected) {
         ->required()
         ->expected(1, 2)
         ->type_name("RUN|FILE.ply");
-    command->add_option("-o,--output", arguments->output, "Folder to write to")->required()->type_name("DIR");
+    command->add_option("-o,--output", arguments->output, "Folder to write to, or a file NAME.ply or NAME.splat")
+        ->required()
+        ->type_name("DIR");
     command
         ->add_option("--format", arguments->format,
                      "web: a packed scene and the viewer; ply: the file that 3DGS writes; splat: one colour a "
                      "Gaussian, 32 bytes")
         ->capture_default_str()
-        ->check(CLI::IsMember({"web", "ply", "splat"}));
+        ->check(CLI::Validator(
+            [](const std::string& word) {
+                if (word == "web" || word == "ply" || word == "splat") return std::string();
+                return "'" + word +
+                       "' is none of web, ply and splat; npx @playcanvas/splat-transform makes .spz, .sog " +
+                       "and others of a .ply";
+            },
+            "{web,ply,splat}"))
+        ->each([arguments = arguments.get()](const std::string&) { arguments->has_format = true; });
     command->add_flag(
         "--sh-projection", arguments->sh_projection,
         "With ply: write the colours of any appearance as spherical harmonics of degree 3, fitted by least squares");

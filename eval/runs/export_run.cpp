@@ -302,8 +302,8 @@ std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOp
 
 ExportedModel export_file(const ExportRequest& request, SplatFormat format, bool sh_projection) {
     const char* name = format == SplatFormat::kPly ? "point_cloud.ply" : "point_cloud.splat";
-    require_free(request.output, {name}, request.overwrite);
-    const std::filesystem::path path = request.output / name;
+    const std::filesystem::path path = request.is_file ? request.output : request.output / name;
+    require_free(path.parent_path(), {path.filename().string()}, request.overwrite);
     SavedModel saved = read_saved_model(request.run, request.iteration);
     Frame frame = saved.frame.value_or(Frame{});
     require_finite(saved.state);

@@ -17,6 +17,7 @@ struct ExportRequest {
     std::filesystem::path run;                   ///< folder of the run, or a point cloud
     std::optional<std::int64_t> iteration = {};  ///< saved iteration; empty: the last
     std::filesystem::path output;                ///< folder to write to
+    bool is_file = false;                        ///< `output` is the name of the file itself (export_file)
     bool overwrite = false;                      ///< replace an earlier export there
     /// The axis that is to point up: "y", "z" or "-y". The model is turned from where its cameras say up is. Empty: it
     /// stays as it is.

@@ -20,6 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 using test::Outcome;
 using test::Program;
+using namespace std::string_literals;
 
 /// A run of `sv`, which depends on the view from the first iteration on.
 void train(const Program& program, const std::string& more = "") {
@@ -170,6 +171,29 @@ TEST(Export, WritesFilesForOtherPrograms) {
     EXPECT_EQ(sh.count, own.count);
     EXPECT_NE(program.read("sh/point_cloud.ply").find("comment spherical harmonics fitted to the colours of sv, "),
               std::string::npos);
+}
+
+TEST(Export, TheEndingOfTheOutputNamesTheFormat) {
+    const Program program;
+    train_plain(program, "run", "-s builtin:glossy -r 8");
+    ASSERT_EQ(program.run("export run -o model.ply").exit_code, 0);
+    ASSERT_EQ(program.run("export model.ply -o model.splat --format splat").exit_code, 0);
+    EXPECT_EQ(fs::file_size(program.path("model.splat")), 32u * std::size_t(read_ply(program.path("model.ply")).count));
+    EXPECT_EQ(program.run("export run -o model.ply").exit_code, 2) << "it exists";
+    EXPECT_EQ(program.run("export run -o model.ply --overwrite").exit_code, 0);
+    for (const auto& [arguments, said] : {std::pair{"-o x.spz", "npx @playcanvas/splat-transform x.ply x.spz"},
+                                          {"-o x.SOG", "npx @playcanvas/splat-transform x.ply x.SOG"},
+                                          {"-o x.ksplat", "-o x.ply"},
+                                          {"-o x.glb", "splat-transform"},
+                                          {"-o x.ngsplat", "name a folder"},
+                                          {"-o x.ply --format splat", "--format splat"},
+                                          {"-o x.ply --format web", "--format web"},
+                                          {"-o x --format spz", "splat-transform"}}) {
+        const Outcome outcome = program.run("export run "s + arguments);
+        EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.err;
+        EXPECT_NE(outcome.err.find(said), std::string::npos) << arguments << "\n" << outcome.err;
+    }
+    for (const char* name : {"x", "x.spz", "x.SOG", "x.ply"}) EXPECT_FALSE(fs::exists(program.path(name))) << name;
 }
 
 TEST(Export, TurnsWhatIsUp) {
