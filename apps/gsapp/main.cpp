@@ -5,11 +5,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <filesystem>
@@ -17,6 +19,7 @@
 #include <new>
 #include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "apps/gsapp/about.h"
@@ -147,6 +150,54 @@ int report(const std::string& message, ExitCode code) {
     return static_cast<int>(code);
 }
 
+/// Reports the exception that is being handled. Returns the exit code.
+int report_exception() {
+    try {
+        throw;
+    } catch (const Interrupted& e) {
+        log_warning("{}", e.what());
+        return static_cast<int>(e.code());
+    } catch (const Error& e) {
+        return report(e.what(), e.code());
+    } catch (const std::filesystem::filesystem_error& e) {
+        const std::string path = e.path2().empty() ? e.path1().string() : e.path2().string();
+        return report(path + ": " + e.code().message(), ExitCode::kDataset);
+    } catch (const std::system_error& e) {  // a thread or lock that the system does not give
+        return report(std::string("the system refused: ") + e.what(), ExitCode::kDevice);
+    } catch (const std::bad_alloc&) {
+        return report("out of memory; a smaller --cap-max, --image-cache or -r helps", ExitCode::kDevice);
+    } catch (const std::exception& e) {
+        const std::string reason = e.what();
+        if (reason.starts_with("pthread_"))
+            return report("the system refused: " + reason, ExitCode::kDevice);  // of TBB
+        return report("unexpected: " + reason, ExitCode::kUnexpected);
+    } catch (...) {
+        return report("unexpected: an exception of an unknown kind", ExitCode::kUnexpected);
+    }
+}
+
+/// Whether messages can be logged: main has begun.
+bool has_log = false;
+
+/// Ends the program with a message when an exception cannot reach main: before main, or in a thread of a library that
+/// lets none out, such as those in which TBB and the HTTP server start further threads.
+[[noreturn]] void end_from_anywhere() noexcept {
+    static std::atomic<bool> ending = false;
+    static thread_local bool is_reporting = false;
+    if (!std::current_exception()) std::abort();
+    if (std::exchange(is_reporting, true))
+        std::_Exit(static_cast<int>(ExitCode::kDevice));  // no memory for that, either
+    while (ending.exchange(true)) ::pause();              // another thread says why, and ends the program
+    if (has_log) std::_Exit(report_exception());
+    constexpr char kMessage[] = "error: the system gives too few threads or too little memory to begin\n";
+    if (::write(STDERR_FILENO, kMessage, sizeof kMessage - 1) < 0) std::abort();
+    std::_Exit(static_cast<int>(ExitCode::kDevice));
+}
+
+/// Runs before the initialisation of shared libraries, some of which start threads in it.
+void before_libraries(int, char**, char**) { std::set_terminate(end_from_anywhere); }
+[[gnu::section(".preinit_array"), gnu::used]] void (*first_call)(int, char**, char**) = before_libraries;
+
 }  // namespace
 }  // namespace gs
 
@@ -154,23 +205,12 @@ int main(int argc, char** argv) {
     gs::ignore_write_signals();
     gs::open_standard_descriptors();
     gs::setup_log(gs::LogLevel::kInfo);
+    gs::has_log = true;
     try {
         const int code = gs::run(argc, argv);
         gs::require_printed();
         return code;
-    } catch (const gs::Interrupted& e) {
-        gs::log_warning("{}", e.what());
-        return static_cast<int>(e.code());
-    } catch (const gs::Error& e) {
-        return gs::report(e.what(), e.code());
-    } catch (const std::filesystem::filesystem_error& e) {
-        const std::string path = e.path2().empty() ? e.path1().string() : e.path2().string();
-        return gs::report(path + ": " + e.code().message(), gs::ExitCode::kDataset);
-    } catch (const std::system_error& e) {  // a thread or lock that the system does not give
-        return gs::report(std::string("the system refused: ") + e.what(), gs::ExitCode::kDevice);
-    } catch (const std::bad_alloc&) {
-        return gs::report("out of memory; a smaller --cap-max, --image-cache or -r helps", gs::ExitCode::kDevice);
-    } catch (const std::exception& e) {
-        return gs::report(std::string("unexpected: ") + e.what(), gs::ExitCode::kUnexpected);
+    } catch (...) {
+        return gs::report_exception();
     }
 }

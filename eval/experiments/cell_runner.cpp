@@ -11,6 +11,7 @@
 #include <mutex>
 #include <set>
 #include <sstream>
+#include <system_error>
 #include <thread>
 
 #include "eval/experiments/cell_claim.h"
@@ -69,9 +70,17 @@ class CellRunner {
         const bool cuda = uses_cuda(cells_.front().options.device);
         if (cuda && !cuda_available())
             throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
+        const std::vector<std::string> gpus = cuda ? visible_gpus() : std::vector<std::string>{""};
         std::vector<std::thread> workers;
-        for (const std::string& gpu : cuda ? visible_gpus() : std::vector<std::string>{""})
-            workers.emplace_back([this, gpu, cuda] { work(gpu, cuda); });
+        workers.reserve(gpus.size());
+        for (const std::string& gpu : gpus) {
+            try {
+                workers.emplace_back([this, gpu, cuda] { work(gpu, cuda); });
+            } catch (const std::system_error& e) {
+                if (workers.empty()) throw;
+                log_warning("GPU {} trains nothing: the system gives no thread for it: {}", gpu, e.what());
+            }
+        }
         for (std::thread& worker : workers) worker.join();
         if (hook_failure_) std::rethrow_exception(hook_failure_);
         return summary_;

@@ -15,10 +15,17 @@ std::size_t bytes_of(const ViewImage& image) { return image.color.bytes() + (ima
 
 ImageCache::ImageCache(const std::vector<View>& views, std::size_t budget_bytes, int prefetch_threads)
     : views_(views), budget_bytes_(budget_bytes), entries_(views.size()) {
-    for (int i = 0; i < prefetch_threads; ++i) threads_.emplace_back([this] { work(); });
+    try {
+        for (int i = 0; i < prefetch_threads; ++i) threads_.emplace_back([this] { work(); });
+    } catch (...) {  // those that were started end first
+        stop();
+        throw;
+    }
 }
 
-ImageCache::~ImageCache() {
+ImageCache::~ImageCache() { stop(); }
+
+void ImageCache::stop() {
     {
         const std::lock_guard lock(mutex_);
         stop_ = true;

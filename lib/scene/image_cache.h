@@ -50,6 +50,7 @@ class ImageCache {
     };
 
     void work();
+    void stop();
     void load(std::size_t index, std::unique_lock<std::mutex>& lock);
     std::shared_ptr<const ViewImage> take(std::size_t index);
     void evict();

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <cstdlib>
+
 #include "tests/apps/program.h"
 
 namespace gs {
@@ -75,6 +77,28 @@ TEST(ExitCode, FolderOfAnotherRunIsRefusedAndLeftAsItIs) {
     program.folder().write("run/config.yaml", "seed: 1\n");
     expect_refusal(program, "train -s builtin:diffuse -m run", 2, "--overwrite");
     EXPECT_EQ(program.read("run/config.yaml"), "seed: 1\n");
+}
+
+TEST(ExitCode, TooFewThreadsAreADeviceError) {
+    const Program program;
+    // Limits of processes do not bind root.
+    const std::string as_other = "setpriv --reuid 64321 --clear-groups ";
+    if (std::system((as_other + "prlimit --nproc=1 test -x '" GSAPP_PROGRAM "' 2>/dev/null").c_str()) != 0)
+        GTEST_SKIP() << "this user cannot become another one that may run the program";
+    const auto bench = [&](int threads, int limit) {
+        return program.run(
+            "bench --generate 50 --repeat 1 --frame-repeat 1 --device cpu --threads " + std::to_string(threads),
+            as_other + "prlimit --nproc=" + std::to_string(limit));
+    };
+    for (const int limit : {1, 3, 6, 12}) {  // some libraries start threads before the program does
+        const Outcome outcome = bench(16, limit);
+        EXPECT_EQ(outcome.exit_code, 4) << limit << "\n" << outcome.err;
+        EXPECT_NE(outcome.err.find("error: the system gives "), std::string::npos) << outcome.err;
+    }
+    EXPECT_NE(bench(16, 12).err.find("of 16 threads"), std::string::npos);
+    EXPECT_NE(bench(16, 12).err.find("--threads"), std::string::npos);
+    const Outcome alone = bench(1, 12);
+    EXPECT_EQ(alone.exit_code, 0) << alone.err;
 }
 
 TEST(ExitCode, OutputThatCannotBeWrittenIsADatasetError) {
