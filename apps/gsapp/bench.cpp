@@ -19,6 +19,7 @@
 #include "lib/core/options.h"
 #include "lib/core/options_cli.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/model/model_file.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/sharded_backend.h"
 
@@ -139,16 +140,21 @@ CLI::Option* add_iteration_option(CLI::App& command, std::int64_t& iteration) {
 }
 
 void add_point_cloud_option(CLI::App& command, std::string& file) {
-    command.validate_positionals();  // what is no .ply file is left to the scene
+    command.validate_positionals();  // folders, builtin:NAME and transforms.json are left to the scene
     command.add_option("file", file, "Point cloud to measure, with the scene of its views in -s")
         ->type_name("FILE.ply")
-        ->check(CLI::Validator([](const std::string& word) { return word.ends_with(".ply") ? "" : "not a .ply file"; },
-                               ""));
+        ->check(CLI::Validator(
+            [](const std::string& word) {
+                const bool is_scene = word.ends_with(".json") && !word.ends_with("meta.json");
+                return is_point_cloud(word) && !is_scene ? "" : "not a .ply file";
+            },
+            ""));
 }
 
 TrainOptions measured_options(const TrainArguments& train, const std::string& file) {
     TrainOptions options = train.combine({.stored_run = true, .default_source = ""});
     if (!file.empty()) options.model = file;
+    if (!options.model.empty()) require_model_file(options.model);
     if (options.source.empty() && !options.model.empty() && is_point_cloud(options.model))
         throw UsageError("'" + options.model +
                          "' is a point cloud without a run, which has no views: name their scene with --source SCENE");

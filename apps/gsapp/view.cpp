@@ -10,10 +10,12 @@
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/printing.h"
 #include "eval/live/saved_page.h"
+#include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/export/file_server.h"
+#include "lib/model/model_file.h"
 #include "lib/model/run_folder.h"
 
 namespace gs {
@@ -24,12 +26,13 @@ struct ViewArguments {
     int port = 8000;
 };
 
-/// Returns whether `target` is a file or folder that is packed first: a point cloud, or a run.
+/// Returns whether `target` is a file or folder that is packed first: a point cloud, or a run. A file of another kind
+/// counts as one, too, and is refused by name where it is read.
 bool has_to_be_packed(const std::filesystem::path& target) {
     std::error_code ignored;
     if (std::filesystem::is_directory(target, ignored))
         return std::filesystem::is_regular_file(RunFolder{target}.config(), ignored);
-    return target.extension() == ".ply";
+    return is_point_cloud(target);
 }
 
 /// Returns the path of what a browser is to open: the viewer's page, or the scene of an export without the viewer.
@@ -62,6 +65,7 @@ void print_address(const std::string& address) {
 
 /// Serves until Ctrl-C, which is the way to end it: exit code 0.
 void run_view(const ViewArguments& arguments) {
+    require_model_file(arguments.target);
     if (has_to_be_packed(arguments.target)) {
         catch_interrupts();
         SavedPage page(arguments.target, arguments.port);

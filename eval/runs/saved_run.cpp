@@ -17,6 +17,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/model/bring_into_frame.h"
 #include "lib/model/checkpoint.h"
+#include "lib/model/model_file.h"
 #include "lib/model/ply.h"
 #include "lib/model/ppisp_json.h"
 #include "lib/model/run_folder.h"
@@ -45,9 +46,9 @@ SavedModel read_gaussians(const RunFolder& folder, std::optional<std::int64_t> i
     if (iteration) {
         if (path_exists(folder.point_cloud(*iteration))) return from_ply(folder, *iteration);
         if (path_exists(folder.checkpoint(*iteration))) return from_checkpoint(folder.checkpoint(*iteration));
-        throw DataError(fmt::format("{}: neither {} nor {} exists; was iteration {} saved?", folder.root.string(),
-                                    folder.point_cloud(*iteration).string(), folder.checkpoint(*iteration).string(),
-                                    *iteration));
+        throw DataError(fmt::format("{}: neither {} nor {} exists; a training saves it with --save-iterations {}",
+                                    folder.root.string(), folder.point_cloud(*iteration).string(),
+                                    folder.checkpoint(*iteration).string(), *iteration));
     }
     if (path_exists(folder.root / "point_cloud")) return from_ply(folder, latest_point_cloud(folder.root));
     return from_checkpoint(latest_checkpoint(folder.root));
@@ -59,7 +60,9 @@ TrainOptions saved_options(const fs::path& run_folder, const RunChanges& instead
     const bool bare = is_point_cloud(run_folder);
     if (bare && !instead.point_cloud)
         throw UsageError(fmt::format("'{}' is no run folder, which is needed here", run_folder.string()));
-    if (bare) PlyReader{run_folder};  // a file of another kind is not asked for its scene
+    // A file of another kind is not asked for its scene.
+    require_model_file(run_folder);
+    if (bare) PlyReader{run_folder};
     TrainOptions options = bare ? *instead.point_cloud : load_run_options(run_folder);
     options.model = run_folder.string();  // the folder may have been moved
     if (!instead.source.empty()) options.source = instead.source;

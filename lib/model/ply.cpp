@@ -25,6 +25,7 @@
 #include "lib/io/ply_file.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/limit_values.h"
+#include "lib/model/model_file.h"
 #include "lib/scene/frame.h"
 
 namespace gs {
@@ -319,6 +320,7 @@ void write_ply(const std::filesystem::path& path, const Gaussians& g, const PlyO
 }
 
 Gaussians read_ply(const std::filesystem::path& path, std::optional<Frame>* frame) {
+    require_model_file(path);
     PlyReader file(path);
     Gaussians g;
     g.count = file.header().count;

@@ -40,7 +40,8 @@ std::int64_t ply_bytes_per_gaussian(const AppearanceSpec& appearance);
 /// Gaussians with a value that has no meaning (limit_values.h), or with a rotation of zero, are left out, which a
 /// warning counts. Rotations may have any length.
 /// Errors: DataError naming file, property and row for missing properties, an f_rest count other than 0, 9, 24, 45, a
-/// file shorter than its header says (found before memory is allocated), and one of which no Gaussian is left.
+/// file shorter than its header says (found before memory is allocated), and one of which no Gaussian is left; for a
+/// file of another kind, what it is and what makes a .ply of it.
 Gaussians read_ply(const std::filesystem::path& path, std::optional<Frame>* frame = nullptr);
 
 }  // namespace gs

@@ -16,6 +16,7 @@
 #include "lib/model/bring_into_frame.h"
 #include "lib/model/initialize.h"
 #include "lib/model/limit_values.h"
+#include "lib/model/model_file.h"
 #include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
 
@@ -27,8 +28,11 @@ namespace fs = std::filesystem;
 /// Returns the .ply file that `from` names.
 fs::path file_of(const fs::path& from) {
     std::error_code ignored;
-    if (fs::is_directory(from, ignored)) return RunFolder{from}.point_cloud(latest_point_cloud(from));
-    if (from.extension() == ".ply") return from;
+    if (fs::is_directory(from, ignored)) {
+        require_model_file(from);
+        return RunFolder{from}.point_cloud(latest_point_cloud(from));
+    }
+    if (from.extension() == ".ply" || fs::exists(from, ignored)) return from;
     throw UsageError(fmt::format("option init: '{}' is neither a .ply file nor a run folder", from.string()));
 }
 

@@ -3,7 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <sstream>
 
 #include "lib/core/json_text.h"
 #include "lib/export/ngsplat.h"
@@ -193,6 +197,79 @@ TEST(PointCloud, OfAnotherProgramIsTakenAsItIs) {
     expect_run(program, "export foreign.ply -o site");
 }
 
+/// Replaces a column of a PLY without comments, in rows 0, `step`, 2 `step`, ...
+void put(const Program& program, const std::string& from, const std::string& to, const std::string& column, float value,
+         std::size_t step) {
+    std::string file = program.read(from);
+    const std::size_t body = file.find("end_header\n") + 11;
+    std::istringstream header(file.substr(0, body));
+    std::size_t columns = 0, at = 0;
+    for (std::string line; std::getline(header, line);) {
+        if (!line.starts_with("property")) continue;
+        if (line.ends_with(" " + column)) at = columns;
+        ++columns;
+    }
+    const std::size_t rows = (file.size() - body) / (4 * columns);
+    for (std::size_t i = 0; i < rows; i += step) std::memcpy(&file[body + 4 * (i * columns + at)], &value, 4);
+    program.folder().write(to, file);
+}
+
+TEST(PointCloud, InfiniteOpacitiesAndScalesAreShownAsTheirLimits) {
+    const Program program;
+    train_model(program, std::string(kScene) + " --appearance sh");
+    strip_comments(program, "model.ply", "model.ply");
+    const float infinity = std::numeric_limits<float>::infinity();
+    put(program, "model.ply", "opaque.ply", "opacity", infinity, 2);
+    put(program, "opaque.ply", "opaque.ply", "scale_1", -infinity, 3);
+    put(program, "opaque.ply", "opaque.ply", "opacity", -infinity, 5);
+    put(program, "model.ply", "large.ply", "opacity", 80, 2);
+    put(program, "large.ply", "large.ply", "scale_1", -90, 3);
+    put(program, "large.ply", "large.ply", "opacity", -80, 5);
+    for (const char* name : {"opaque", "large"}) {
+        expect_run(program, std::string("render ") + name + ".ply -o " + name + " " + kScene);
+        expect_run(program, std::string("export ") + name + ".ply -o " + name + ".splat");
+        expect_run(program, std::string("export ") + name + ".ply -o " + name + "-site");
+    }
+    EXPECT_EQ(program.read("opaque/00003.png"), program.read("large/00003.png"));
+    EXPECT_EQ(program.read("opaque.splat").size(), program.read("large.splat").size());
+    const PackedScene packed = read_ngsplat(program.path("opaque-site/scene.ngsplat"));
+    EXPECT_EQ(packed.count(), read_ngsplat(program.path("large-site/scene.ngsplat")).count());
+    const auto flat = [](const GeometryWords& words) {
+        return (words[3] & 0xff) == 0 || (words[3] >> 8 & 0xff) == 0 || (words[3] >> 16 & 0xff) == 0;
+    };
+    EXPECT_GT(std::count_if(packed.geometry.begin(), packed.geometry.end(), flat), 0) << "no extent at all";
+    expect_run(program, "export opaque.ply -o again.ply");
+    EXPECT_EQ(std::isinf(read_ply(program.path("again.ply"))[Group::kOpacity].param[1]),
+              std::isinf(read_ply(program.path("opaque.ply"))[Group::kOpacity].param[1]));
+    const Outcome trained =
+        expect_run(program, std::string("train --device cpu --iterations 20 -m on --init opaque.ply ") + kScene);
+    EXPECT_NE(trained.err.find("have no gradient and begin as large finite ones"), std::string::npos) << trained.err;
+    for (const float x : read_ply(program.path("on/point_cloud/iteration_20/point_cloud.ply"))[Group::kOpacity].param)
+        EXPECT_TRUE(std::isfinite(x));
+    // A file of which some rows are no Gaussians shows the others.
+    put(program, "model.ply", "nan.ply", "f_dc_0", std::nanf(""), 7);
+    EXPECT_NE(expect_run(program, std::string("render nan.ply -o nan ") + kScene).err.find("are left out"),
+              std::string::npos);
+    put(program, "model.ply", "nothing.ply", "x", std::nanf(""), 1);
+    expect_wrong(program, std::string("render nothing.ply -o x ") + kScene, 3, "nothing.ply': none of its");
+}
+
+TEST(PointCloud, OfOtherKindsSaysWhatItIsForEveryCommand) {
+    const Program program;
+    program.folder().write("scene.spz", "\x1f\x8b\x08 and so on");
+    program.folder().write("points.ply",
+                           "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float "
+                           "y\nproperty float z\nend_header\n0 0 0\n");
+    for (const auto& [file, said] : {std::pair{"scene.spz", "npx @playcanvas/splat-transform scene.spz scene.ply"},
+                                     {"points.ply", "it is a point cloud, not a model of Gaussians"}})
+        for (const char* arguments :
+             {"eval ", "eval -s builtin:glossy ", "render --orbit 2 -o x ", "render --orbit 2 ", "export -o x ",
+              "export --format ply -o x ", "view --port 0 ", "bench -s builtin:glossy ", "bench ",
+              "bench precision -s builtin:glossy ", "bench frames -s builtin:glossy ",
+              "train -s builtin:glossy -r 8 --device cpu -m x --init "})
+            expect_wrong(program, std::string(arguments) + file, 3, said);
+}
+
 TEST(PointCloud, OfAPhotographedSceneScoresAsItsRunDoes) {
     const char* data = std::getenv("GSAPP_TEST_DATA");
     const fs::path scene = fs::path(data ? data : "") / "tiny/bonsai";
@@ -221,8 +298,8 @@ TEST(PointCloud, WhatIsMissingOrWrongIsNamed) {
     expect_wrong(program, "eval model.ply run -o x -s builtin:glossy", 2, "--output");
     expect_wrong(program, "eval model.ply -s builtin:glossy -r 3", 2, "resolution");
     expect_wrong(program, "eval model.ply -s builtin:glossy --eval=false", 2, "no test views");
-    expect_wrong(program, "eval run -r 4", 2, "--resolution: goes with a .ply file");
-    expect_wrong(program, "render run -w", 2, "--background: goes with a .ply file");
+    expect_wrong(program, "eval run -r 8", 2, "--resolution: goes with a .ply file");
+    expect_wrong(program, "render run --background 0,0,1", 2, "--background: goes with a .ply file");
     expect_wrong(program, "prune-appearance model.ply", 2, "no run folder");
     program.folder().write("text.ply", "hello\n");
     program.folder().write("picture.png", "hello\n");

@@ -36,8 +36,10 @@ TEST(View, ARunAndAPointCloudThatCannotBeShownAreNamed) {
     const Outcome run = program.run("view run --port 0", "timeout 5");
     EXPECT_EQ(run.exit_code, 3) << run.err;
     EXPECT_NE(run.err.find("saved no model"), std::string::npos) << run.err;
-    program.folder().write("picture.png", "");
-    EXPECT_EQ(program.run("view picture.png --port 0", "timeout 5").exit_code, 2);
+    program.folder().write("scene.spz", "NGSP");
+    const Outcome other = program.run("view scene.spz --port 0", "timeout 5");
+    EXPECT_EQ(other.exit_code, 3) << other.err;
+    EXPECT_NE(other.err.find("npx @playcanvas/splat-transform scene.spz scene.ply"), std::string::npos) << other.err;
 }
 
 TEST(View, ATrainingWhosePageCannotBeServedDoesNotBegin) {

@@ -141,6 +141,10 @@ TEST(StartFromFile, WhatCannotBeginIsNamed) {
     const AppearanceSpec none{"none", 0, ColorActivation::kRelu};
     EXPECT_THROW(read_initial_model(folder / "p.splat"), UsageError);
     EXPECT_THROW(read_initial_model(folder / "missing.ply"), DataError);
+    spit(folder / "p.spz", "NGSP");
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_initial_model(folder / "p.spz"); }), "splat-transform");
+    spit(folder / "sog" / "meta.json", R"({"means":{},"quats":{}})");
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_initial_model(folder / "sog"); }), "splat-transform");
     std::filesystem::create_directory(folder / "run");
     EXPECT_THROW(read_initial_model(folder / "run"), DataError);
     write_ply(folder / "empty.ply", random_gaussians(0, none), {});
