@@ -3,13 +3,18 @@
 // an orbit.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <list>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/printing.h"
@@ -25,6 +30,7 @@
 #include "kernels/core/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
+#include "lib/model/model_file.h"
 
 namespace gs {
 namespace {
@@ -42,6 +48,7 @@ struct RenderArguments {
     double orbit_elevation = 0, fps = kUsualFps;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     RenderParts parts;
+    bool skip_train = false, skip_test = false;  ///< other words for the views
     bool overwrite = false, has_elevation = false, has_fps = false, json = false;
 };
 
@@ -102,6 +109,26 @@ void resize_views(std::vector<ViewSet>& sets, const PictureSize& size) {
         size.width, size.height, horizontal_degrees(before), horizontal_degrees(sets[0].views[0].camera));
 }
 
+/// Gives views of several sizes, of which no video can be made, the most frequent size in even numbers; if several are
+/// equally frequent, the largest of them.
+void unite_sizes(std::vector<ViewSet>& sets) {
+    std::map<std::pair<int, int>, std::size_t> counts;
+    for (const View& view : sets[0].views) ++counts[{view.camera.width, view.camera.height}];
+    if (counts.size() == 1) return;
+    const auto [size, count] = *std::max_element(counts.begin(), counts.end(), [](const auto& a, const auto& b) {
+        const auto rank = [](const auto& one) {
+            return std::pair(one.second, std::int64_t(one.first.first) * one.first.second);
+        };
+        return rank(a) < rank(b);
+    });
+    log_info(
+        "the views have {} sizes and a video has one: all get that of {} of them, in even numbers (--size names "
+        "another)",
+        counts.size(), count);
+    const auto even = [](int side) { return std::max(2, side / 2 * 2); };
+    resize_views(sets, {even(size.first), even(size.second)});
+}
+
 /// Returns where the pictures of a set go. A folder that the user names holds them itself, and a folder for each set
 /// where there are several.
 fs::path folder_of(const RenderArguments& arguments, const SavedRun& run, const std::string& set) {
@@ -119,6 +146,7 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
     const std::optional<PictureSize> size =
         arguments.size.empty() ? std::nullopt : std::optional(parse_picture_size(arguments.size));
     orbit_shape(arguments);  // says what is wrong with it before the scene is read
+    require_model_file(arguments.run);
     if (arguments.output.empty() && is_point_cloud(arguments.run))
         throw UsageError(
             fmt::format("'{}' is a point cloud without a run, where pictures would go: name a folder with "
@@ -137,7 +165,10 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
                                   arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration), changes);
     catch_interrupts();  // from here on, so that unfinished pictures are removed
     WantedViews wanted = wanted_views(arguments, run);
-    if (size) resize_views(wanted.sets, *size);
+    if (size)
+        resize_views(wanted.sets, *size);
+    else if (!arguments.video.empty())
+        unite_sizes(wanted.sets);
     if (!arguments.video.empty()) require_film(arguments.video, wanted.sets[0].views);
 
     EvalCorrection correction = run.correction;
@@ -173,10 +204,16 @@ void add_camera_options(CLI::App& command, RenderArguments& arguments) {
     CLI::Option* views = command.add_option("--views", arguments.views, "Cameras of the scene: test, train or all")
                              ->capture_default_str();
     views->check(CLI::IsMember({"test", "train", "all"}));
-    CLI::Option* path = command
-                            .add_option("--path", arguments.path,
-                                        "File of cameras: a list as in cameras.json, or nerfstudio's camera_path.json")
-                            ->excludes(views);
+    // As render.py of 3DGS has them.
+    CLI::Option* skip_train =
+        command.add_flag("--skip_train,--skip-train", arguments.skip_train)->group("")->excludes(views);
+    command.add_flag("--skip_test,--skip-test", arguments.skip_test)->group("")->excludes(views)->excludes(skip_train);
+    CLI::Option* path =
+        command
+            .add_option("--path", arguments.path,
+                        "File of cameras: a list as in cameras.json, nerfstudio's camera_path.json, or a "
+                        "transforms.json")
+            ->excludes(views);
     CLI::Option* orbit =
         command.add_option("--orbit", arguments.orbit, "That many cameras on a circle around the scene")
             ->check(CLI::Range(1, 1000000))
@@ -258,7 +295,7 @@ void add_render_command(CLI::App& app, Command& selected) {
         ->check(CLI::IsMember({"controller", "none"}));
     add_camera_options(*command, *arguments);
     command->add_option("--iteration", arguments->iteration, "Saved iteration to render (default: the last)")
-        ->check(CLI::NonNegativeNumber);
+        ->check(CLI::Range(std::int64_t(-1), std::numeric_limits<std::int64_t>::max()));
     command->add_option("-o,--output", arguments->output,
                         "Folder for the pictures (default: test, train, orbit or path in RUN/renders/iteration_N)");
     command->add_flag("--overwrite", arguments->overwrite,
@@ -274,6 +311,7 @@ void add_render_command(CLI::App& app, Command& selected) {
     add_quiet_flag(*command);
     command->callback([arguments, &selected] {
         selected = [arguments] {
+            if (arguments->skip_test) arguments->views = "train";
             const nlohmann::ordered_json written = run_render(*arguments);
             if (arguments->json && !written.is_null()) print_json(written);
         };

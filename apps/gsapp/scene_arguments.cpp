@@ -8,6 +8,7 @@
 #include <set>
 
 #include "kernels/core/error.h"
+#include "lib/core/options.h"
 
 namespace gs {
 namespace {
@@ -43,9 +44,15 @@ RunChanges SceneArguments::changes(const std::vector<std::string>& runs) const {
     if (given.contains("device")) changes.device = options.device;
     if (std::any_of(runs.begin(), runs.end(), [](const std::string& run) { return is_point_cloud(run); }))
         return changes;
-    for (const std::string& key : given)
-        if (!kOfRuns.contains(key))
-            throw UsageError(fmt::format("--{}: goes with a .ply file; a run is seen as its own options say", key));
+    for (const Option& option : train_option_table()) {
+        if (!given.contains(option.key) || kOfRuns.contains(option.key)) continue;
+        const auto same = [&](const std::string& run) {
+            return option_text(option, load_run_options(run)) == option_text(option, options);
+        };
+        if (!std::all_of(runs.begin(), runs.end(), same))
+            throw UsageError(
+                fmt::format("--{}: goes with a .ply file; a run is seen as its own options say", option.key));
+    }
     return changes;
 }
 

@@ -13,6 +13,11 @@
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
+#include "lib/core/log.h"
+#include "lib/io/image.h"
+#include "lib/scene/frame.h"
+#include "lib/scene/image_files.h"
+#include "lib/scene/transforms_reader.h"
 
 namespace gs {
 namespace {
@@ -128,6 +133,53 @@ CameraPath path_of_nerfstudio(const json& object, const std::string& file, const
     return path;
 }
 
+/// Returns the size of the image of a frame, whose name may lack the ending; empty without an image.
+std::optional<PictureSize> image_size(const std::filesystem::path& image) {
+    const auto size = [](const std::filesystem::path& path) {
+        const ImageInfo info = read_image_info(path);
+        return PictureSize{info.width, info.height};
+    };
+    if (names_file(image)) return size(image);
+    for (const std::string_view extension : kImageExtensions)
+        if (const std::filesystem::path file = image.string() + std::string(extension); names_file(file))
+            return size(file);
+    return std::nullopt;
+}
+
+CameraPath path_of_transforms(const std::filesystem::path& path, const Frame& frame) {
+    const TransformsFile file = read_transforms(path);
+    if (file.frames.empty()) throw DataError(fmt::format("{}: 'frames' is an empty list", path.string()));
+    CameraPath cameras;
+    std::size_t distorted = 0;
+    for (std::size_t i = 0; i < file.frames.size(); ++i) {
+        const TransformsFrame& entry = file.frames[i];
+        const std::string where = fmt::format("{}: frame {}", path.string(), i);
+        std::optional<PictureSize> size;
+        if (entry.intrinsics.width && entry.intrinsics.height)
+            size = picture_size(*entry.intrinsics.width, *entry.intrinsics.height);
+        else
+            size = image_size(path.parent_path() / entry.file_path);
+        if (!size)
+            throw DataError(
+                fmt::format("{}: 'w' and 'h' are missing or no size of a picture, and there is no image "
+                            "'{}' that has one; {}",
+                            where, entry.file_path, picture_size_limits()));
+        const LensCamera lens = resolve_intrinsics(entry.intrinsics, size->width, size->height, where);
+        if (lens.model == CameraModel::kEquirectangular)
+            throw DataError(fmt::format("{}: only perspective cameras can be rendered", where));
+        distorted += lens.distortion != decltype(lens.distortion){};
+        Camera camera;
+        camera.width = size->width, camera.height = size->height;
+        camera.fx = lens.fx, camera.fy = lens.fy, camera.cx = lens.cx, camera.cy = lens.cy;
+        camera.rotation = entry.rotation, camera.translation = entry.translation;
+        cameras.cameras.push_back(into_frame(camera, frame));
+    }
+    if (distorted > 0)
+        log_info("{}: the distortion of {} lenses is left out; pictures are those of pinhole cameras", path.string(),
+                 distorted);
+    return cameras;
+}
+
 }  // namespace
 
 CameraPath read_camera_path(const std::filesystem::path& path, const Frame& frame) {
@@ -141,8 +193,11 @@ CameraPath read_camera_path(const std::filesystem::path& path, const Frame& fram
     if (content.is_array()) return path_of_list(content, path.string(), frame);
     if (content.is_object() && content.contains("camera_path"))
         return path_of_nerfstudio(content, path.string(), frame);
-    throw DataError(fmt::format("{}: neither a list of cameras as in cameras.json nor nerfstudio's camera_path.json",
-                                path.string()));
+    if (content.is_object() && content.contains("frames")) return path_of_transforms(path, frame);
+    throw DataError(
+        fmt::format("{}: neither a list of cameras as in cameras.json nor nerfstudio's camera_path.json nor a "
+                    "transforms.json",
+                    path.string()));
 }
 
 }  // namespace gs

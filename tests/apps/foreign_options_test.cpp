@@ -65,11 +65,14 @@ TEST(ForeignOptions, CommandLinesOfOtherProgramsTrain) {
          {"-s builtin:diffuse -m inria -r 8 --iterations 2 --test_iterations 1 2 --save_iterations 2 --eval --quiet",
           "--data_dir builtin:diffuse --data_factor 8 --result_dir gsplat --max_steps 2 --eval_steps 1 2 "
           "--disable_viewer",
-          "--data builtin:diffuse --output-dir nerfstudio --max-num-iterations 2 -r 8 --vis viewer"}) {
+          "--data builtin:diffuse --output-dir nerfstudio --max-num-iterations 2 -r 8 --vis viewer",
+          "mcmc --eval_steps -1 --disable_viewer --data_factor 8 --strategy.cap-max 1000 --render_traj_path ellipse "
+          "--data_dir builtin:diffuse --result_dir mcmc --max_steps 2",
+          "default --data_dir builtin:diffuse --data_factor 8 --result_dir default --max_steps 2"}) {
         const Outcome outcome = program.run(std::string("train --device cpu ") + line);
         EXPECT_EQ(outcome.exit_code, 0) << line << "\n" << outcome.err;
     }
-    for (const char* run : {"inria", "gsplat", "nerfstudio"})
+    for (const char* run : {"inria", "gsplat", "nerfstudio", "mcmc", "default"})
         EXPECT_TRUE(std::filesystem::exists(program.path(run) / "point_cloud/iteration_2/point_cloud.ply")) << run;
     const Outcome scored = program.run("eval -m inria --protocol inria");
     EXPECT_EQ(scored.exit_code, 0) << scored.err;

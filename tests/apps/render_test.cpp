@@ -219,10 +219,52 @@ TEST_F(RenderCommand, FilmsAreMadeByFfmpegOfThePictures) {
     program.folder().write("sizes.json",
                            R"([{"width":8,"height":6,"position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]],"fy":5},)"
                            R"({"width":8,"height":8,"position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]],"fy":5}])");
-    expect_refused("--path sizes.json --video film.mp4", 2, "picture 1 has 8x8 pixels and the first 8x6", good);
     EXPECT_EQ(files("run/renders"), -1) << "all of this is said before anything is rendered";
     fake_ffmpeg("for last; do :; done\necho film >\"$last\"\n");
     expect_ok("--path sizes.json --size 8x6 --video sizes.mp4", good);
+}
+
+TEST_F(RenderCommand, FilmsOfViewsThatDifferInSizeHaveTheMostFrequentOne) {
+    const std::string ffmpeg = fake_ffmpeg("for last; do :; done\necho film >\"$last\"\n");
+    const auto camera = [](int width, int height) {
+        return R"({"width":)" + std::to_string(width) + R"(,"height":)" + std::to_string(height) +
+               R"(,"position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]],"fy":5})";
+    };
+    program.folder().write("sizes.json",
+                           "[" + camera(12, 9) + "," + camera(11, 9) + "," + camera(12, 8) + "," + camera(11, 9) + "]");
+    const Outcome outcome = expect_ok("--path sizes.json -o pictures --video film.mp4", ffmpeg);
+    EXPECT_NE(outcome.err.find("the views have 3 sizes"), std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.err.find("10x8"), std::string::npos) << outcome.err;
+    for (int i = 0; i < 4; ++i) {
+        const Image picture = read_image(program.path("pictures/0000" + std::to_string(i) + ".png"));
+        EXPECT_EQ(picture.width, 10);
+        EXPECT_EQ(picture.height, 8);
+    }
+    EXPECT_EQ(expect_ok("--path sizes.json -o others").err.find("sizes"), std::string::npos) << "without a film";
+    EXPECT_EQ(read_image(program.path("others/00000.png")).width, 12);
+}
+
+TEST_F(RenderCommand, PathsOfTransformsJsonAreRendered) {
+    program.folder().write("transforms.json",
+                           R"({"camera_model":"OPENCV","fl_x":20,"w":31,"h":17,"k1":0.1,"frames":[{"file_path":"a",)"
+                           R"("transform_matrix":[[1,0,0,0],[0,0,-1,-4],[0,1,0,0.5],[0,0,0,1]]}]})");
+    const Outcome outcome = expect_ok("--path transforms.json -o path");
+    EXPECT_NE(outcome.err.find("distortion of 1 lenses"), std::string::npos) << outcome.err;
+    EXPECT_EQ(read_image(program.path("path/00000.png")).width, 31);
+    program.folder().write("nowhere.json", R"({"camera_angle_x":0.7,"frames":[{"file_path":"a",)"
+                                           R"("transform_matrix":[[1,0,0,0],[0,0,-1,-4],[0,1,0,0.5],[0,0,0,1]]}]})");
+    expect_refused("--path nowhere.json -o other", 3, "'w' and 'h'");
+}
+
+TEST_F(RenderCommand, TakesTheWordsOf3dgs) {
+    expect_ok("--quiet --skip_train --eval --iteration 2 -r 4 -o test");
+    expect_ok("--skip_test --iteration -1 -o train");
+    EXPECT_GT(files("train"), files("test"));
+    expect_ok("--views test -o views");
+    EXPECT_EQ(files("views"), files("test"));
+    expect_refused("--skip_train --skip_test -o x", 2, "--skip_t");
+    expect_refused("--skip_train -r 8 -o x", 2, "--resolution: goes with a .ply file");
+    expect_refused("--iteration 7000 -o x", 3, "--save-iterations 7000");
 }
 
 TEST_F(RenderCommand, FilmsPlay) {
