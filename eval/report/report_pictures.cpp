@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -67,8 +66,7 @@ class Images {
 std::vector<std::pair<int, std::string>> views_of(const TableRow& row, int max_views) {
     std::vector<std::pair<int, std::string>> all, chosen;
     if (!path_exists(RunFolder{row.folder}.per_view())) return {};
-    std::ifstream file = open_input(RunFolder{row.folder}.per_view());
-    const Json json = try_parse_ordered_json(file);
+    const Json json = try_parse_ordered_json(read_input(RunFolder{row.folder}.per_view()));
     const std::string key = fmt::format("ours_{}", row.iteration);
     if (json.is_object() && json.contains("image_names") && json.at("image_names").contains(key))
         for (const auto& [picture, name] : json.at("image_names").at(key).items())

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -77,8 +76,7 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     if (const std::string fault = input_fault(file); !fault.empty())
         throw DataError(
             fmt::format("{}: cannot be read: {}; 'gsapp eval {}' writes it", file, fault, run_folder.string()));
-    std::ifstream stream = open_input(file);
-    const nlohmann::json json = try_parse_json(stream);
+    const nlohmann::json json = try_parse_json(read_input(file));
     if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object", file));
     std::optional<std::int64_t> chosen;
     for (const auto& [key, value] : json.items()) {

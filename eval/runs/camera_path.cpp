@@ -6,7 +6,6 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "eval/runs/picture_size.h"
@@ -183,10 +182,10 @@ CameraPath path_of_transforms(const std::filesystem::path& path, const Frame& fr
 }  // namespace
 
 CameraPath read_camera_path(const std::filesystem::path& path, const Frame& frame) {
-    std::ifstream file = open_input(path);
+    const std::string text = read_input(path);
     json content;
     try {
-        content = parse_json(file);
+        content = parse_json(text);
     } catch (const json::exception& e) {
         throw DataError(fmt::format("{}: not a JSON list of cameras: {}", path.string(), e.what()));
     }

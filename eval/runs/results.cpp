@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
@@ -22,8 +21,7 @@ using Json = nlohmann::ordered_json;
 
 Json existing(const std::filesystem::path& path) {
     if (!path_exists(path)) return Json::object();
-    std::ifstream file = open_input(path);
-    Json json = try_parse_ordered_json(file);
+    Json json = try_parse_ordered_json(read_input(path));
     if (!json.is_object())
         throw DataError(fmt::format("{}: not a JSON object; remove it to have it written anew", path.string()));
     return json;

@@ -4,8 +4,6 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
-
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
@@ -161,8 +159,7 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
 nlohmann::ordered_json read_appearance_choice(const fs::path& run_folder) {
     const fs::path path = RunFolder{run_folder}.appearance_choice();
     if (!path_exists(path)) return nullptr;
-    std::ifstream file = open_input(path);
-    auto json = try_parse_ordered_json(file);
+    auto json = try_parse_ordered_json(read_input(path));
     if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object", path.string()));
     return json;
 }

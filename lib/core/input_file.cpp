@@ -4,11 +4,13 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <string_view>
 
 #include "kernels/core/error.h"
 #include "lib/core/log.h"
@@ -38,6 +40,17 @@ const char* kind_word(fs::file_type type) {
     throw DataError(fmt::format("{}: {}", path.string(), reason));
 }
 
+/// An open file descriptor.
+struct OpenFile {
+    explicit OpenFile(const fs::path& path) : fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
+        if (fd < 0) fail(path, fmt::format("cannot be read: {}", std::strerror(errno)));
+    }
+    OpenFile(const OpenFile&) = delete;
+    ~OpenFile() { ::close(fd); }
+
+    const int fd;
+};
+
 }  // namespace
 
 std::string input_fault(const fs::path& path) {
@@ -61,16 +74,36 @@ std::ifstream open_input(const fs::path& path, LogLevel message) {
     return in;
 }
 
-std::string read_input(const fs::path& path) {
-    std::ifstream in = open_input(path);
-    std::error_code error;
-    const std::uintmax_t size = fs::file_size(path, error);
-    if (error) fail(path, "cannot be read: " + error.message());
-    std::string data(size, '\0');
-    in.read(data.data(), std::streamsize(size));
-    if (std::uintmax_t(in.gcount()) != size)
-        fail(path, fmt::format("cannot be read: only {} of {} bytes came", in.gcount(), size));
+std::string read_input(const fs::path& path, LogLevel message) {
+    if (const std::string fault = input_fault(path); !fault.empty()) fail(path, "cannot be read: " + fault);
+    const OpenFile file(path);
+    const std::string name = path.string();
+    log_message(message, "reading {}", fmt::make_format_args(name));
+    struct stat status = {};
+    if (::fstat(file.fd, &status) != 0) fail(path, fmt::format("cannot be read: {}", std::strerror(errno)));
+    // Read until the file ends, because its stated size may be another one: it is 0 for all files of /proc.
+    const std::size_t stated = std::size_t(status.st_size);
+    std::string data(stated + 1, '\0');
+    std::size_t have = 0;
+    for (ssize_t got = 1; got != 0;) {
+        if (have == data.size()) data.resize(have + (std::size_t(1) << 16));
+        got = ::read(file.fd, data.data() + have, data.size() - have);
+        if (got > 0) have += std::size_t(got);
+        if (got < 0 && errno != EINTR)
+            fail(path, fmt::format("cannot be read: {} (at byte {})", std::strerror(errno), have));
+    }
+    if (have < stated) fail(path, fmt::format("cannot be read: only {} of {} bytes came", have, stated));
+    data.resize(have);
     return data;
+}
+
+std::string read_input_text(const fs::path& path) {
+    constexpr std::string_view kMark = "\xef\xbb\xbf", kLittleEndian = "\xff\xfe", kBigEndian = "\xfe\xff";
+    std::string text = read_input(path);
+    if (text.starts_with(kLittleEndian) || text.starts_with(kBigEndian))
+        fail(path, "is a text in UTF-16 (\"Unicode\" in some editors): save it as UTF-8");
+    if (text.starts_with(kMark)) text.erase(0, kMark.size());
+    return text;
 }
 
 bool path_exists(const fs::path& path) {

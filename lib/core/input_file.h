@@ -18,11 +18,16 @@ namespace gs {
 std::string input_fault(const std::filesystem::path& path);
 
 /// Opens a regular file for reading, in binary mode, and says so in a message of level `message`. Throws DataError
-/// "PATH: cannot be read: REASON".
+/// "PATH: cannot be read: REASON". It is for files that are read in parts: whoever reads them must look at bad()
+/// afterwards, because a stream ends at an error of the disk as it does at the end of the file.
 std::ifstream open_input(const std::filesystem::path& path, LogLevel message = LogLevel::kDebug);
 
-/// Reads a whole regular file. Throws DataError as `open_input` does.
-std::string read_input(const std::filesystem::path& path);
+/// Reads a whole regular file. Throws DataError as `open_input` does, also when reading fails half way.
+std::string read_input(const std::filesystem::path& path, LogLevel message = LogLevel::kDebug);
+
+/// Reads a text in UTF-8 without the byte order mark that editors on Windows put before it. Throws DataError as
+/// `read_input` does, and for UTF-16, which such editors call Unicode.
+std::string read_input_text(const std::filesystem::path& path);
 
 /// Returns whether there is anything under this name. Throws DataError "PATH: REASON" where the system cannot tell: a
 /// folder on the way may not be searched, links form a loop, the name is too long.

@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include <iterator>
 #include <set>
 #include <vector>
 
@@ -87,20 +86,16 @@ template <class Json> Json parsed_or_discarded(const std::string& text) {
     }
 }
 
-std::string whole(std::istream& in) { return {std::istreambuf_iterator<char>(in), {}}; }
-
 }  // namespace
 
 std::string json_text(const nlohmann::json& json, int indent) { return text_of(json, indent); }
 std::string json_text(const nlohmann::ordered_json& json, int indent) { return text_of(json, indent); }
 
-nlohmann::json parse_json(const std::string& text) { return parsed<nlohmann::json>(text, false); }
-nlohmann::json parse_json(std::istream& in, bool comments) { return parsed<nlohmann::json>(whole(in), comments); }
+nlohmann::json parse_json(const std::string& text, bool comments) { return parsed<nlohmann::json>(text, comments); }
 
 nlohmann::json try_parse_json(const std::string& text) { return parsed_or_discarded<nlohmann::json>(text); }
-nlohmann::json try_parse_json(std::istream& in) { return parsed_or_discarded<nlohmann::json>(whole(in)); }
-nlohmann::ordered_json try_parse_ordered_json(std::istream& in) {
-    return parsed_or_discarded<nlohmann::ordered_json>(whole(in));
+nlohmann::ordered_json try_parse_ordered_json(const std::string& text) {
+    return parsed_or_discarded<nlohmann::ordered_json>(text);
 }
 
 }  // namespace gs

@@ -2,7 +2,6 @@
 // JSON to text and back. The library's parser and writer are templates; they are compiled here once.
 #pragma once
 
-#include <istream>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -15,14 +14,12 @@ std::string json_text(const nlohmann::ordered_json& json, int indent = -1);
 
 /// Parses one JSON value, with comments (// and /* */) if these are allowed. Throws nlohmann::json::exception for what
 /// is not JSON, is nested too deep, or names a key twice in one object.
-nlohmann::json parse_json(const std::string& text);
-nlohmann::json parse_json(std::istream& in, bool comments = false);
+nlohmann::json parse_json(const std::string& text, bool comments = false);
 
 /// Parses one JSON value without comments; the result is_discarded() where the text is none, or
 /// such a one as `parse_json` does not take.
 nlohmann::json try_parse_json(const std::string& text);
-nlohmann::json try_parse_json(std::istream& in);
 /// The same, and the keys keep their order.
-nlohmann::ordered_json try_parse_ordered_json(std::istream& in);
+nlohmann::ordered_json try_parse_ordered_json(const std::string& text);
 
 }  // namespace gs

@@ -79,7 +79,7 @@ SafetensorsFile::SafetensorsFile(const std::filesystem::path& path) : path_(path
     if (!in_) fail(std::strerror(errno));
     std::uint64_t length = 0;
     if (file_bytes < sizeof length) fail(fmt::format("{} bytes are too few for a safetensors file", file_bytes));
-    in_.read(reinterpret_cast<char*>(&length), sizeof length);
+    if (!in_.read(reinterpret_cast<char*>(&length), sizeof length)) fail("the header cannot be read");
     if (length > file_bytes - sizeof length || length > kMaxHeaderBytes) {
         fail(fmt::format("the header claims {} bytes, the file has {}: truncated, or not a safetensors file", length,
                          file_bytes));

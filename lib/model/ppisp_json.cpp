@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
@@ -88,9 +87,9 @@ class Node {
 };
 
 Json parse(const std::filesystem::path& path) {
-    std::ifstream stream = open_input(path);
+    const std::string text = read_input(path);
     try {
-        return parse_json(stream);
+        return parse_json(text);
     } catch (const Json::exception& e) {
         throw DataError(fmt::format("{}: not valid JSON (perhaps truncated): {}", path.string(), e.what()));
     }

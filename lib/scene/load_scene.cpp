@@ -4,8 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <map>
+#include <sstream>
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
@@ -69,15 +69,14 @@ SourceScene read_source(const fs::path& source, const SceneOptions& options) {
 std::vector<bool> read_test_list(const std::string& path, const std::vector<SourceView>& views) {
     if (const std::string fault = input_fault(path); !fault.empty())
         throw DataError(fmt::format("test list {}: cannot be read: {}", path, fault));
-    std::ifstream in = open_input(path);
+    std::istringstream in(read_input_text(path));
     std::map<std::string, std::size_t> by_name;
     for (std::size_t i = 0; i < views.size(); ++i) by_name.emplace(without_extension(views[i].name), i);
     for (std::size_t i = 0; i < views.size(); ++i) by_name[views[i].name] = i;
     std::vector<bool> test(views.size());
     std::size_t number = 0;
     for (std::string line; std::getline(in, line);) {
-        constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";  // editors on Windows write it
-        if (++number == 1 && line.starts_with(kByteOrderMark)) line.erase(0, kByteOrderMark.size());
+        ++number;
         line.erase(line.find_last_not_of(" \t\r") + 1);
         if (line.empty() || line[0] == '#') continue;
         const auto it = by_name.find(line);

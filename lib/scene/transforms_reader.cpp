@@ -7,7 +7,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -225,10 +224,10 @@ std::optional<std::vector<std::string>> read_names(const Object& object, const c
 }  // namespace
 
 TransformsFile read_transforms(const fs::path& path) {
-    std::ifstream in = open_input(path);
+    const std::string text = read_input_text(path);
     json root;
     try {
-        root = parse_json(in, true);
+        root = parse_json(text, true);
     } catch (const json::exception& error) {
         throw DataError(fmt::format("{}: not valid JSON: {}", path.string(), error.what()));
     }

@@ -7,7 +7,7 @@
 
 #include <cerrno>
 #include <cstring>
-#include <fstream>
+#include <sstream>
 #include <utility>
 
 #include "kernels/core/error.h"
@@ -22,7 +22,7 @@ namespace gs {
 TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration, bool at_end) : path_(path) {
     std::string kept;
     if (iteration > 0 && path_exists(path)) {
-        std::ifstream in = open_input(path);
+        std::istringstream in(read_input(path));
         for (std::string line; std::getline(in, line);) {
             const auto json = try_parse_json(line);  // a crash may have cut the last line short
             const bool numbered =

@@ -39,6 +39,15 @@ TEST(InputFile, RegularFilesAreReadWhole) {
     EXPECT_EQ(read_input(folder.path() / "link"), text);
 }
 
+TEST(InputFile, ErrorsOfReadingAreNeitherAnEmptyFileNorAnEnd) {
+    // The kernel reads nothing at address 0 of a process and answers EIO, as a disk does that fails.
+    expect_names(data_error([&] { read_input("/proc/self/mem"); }), "/proc/self/mem", "Input/output error");
+}
+
+TEST(InputFile, FilesWhoseSizeIsNotStatedAreReadToTheirEnd) {
+    EXPECT_NE(read_input("/proc/self/status").find("VmPeak"), std::string::npos);
+}
+
 TEST(InputFile, PipesDevicesAndFoldersAreRefusedWithoutWaiting) {
     const TemporaryFolder folder;
     const fs::path pipe = folder.path() / "pipe";

@@ -4,10 +4,10 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 
@@ -159,8 +159,7 @@ TEST_F(TradeoffFigures, FilesAreWrittenEvenWithoutAResult) {
     test::TemporaryFolder folder;
     add("none", "1");
     write_tradeoff(folder.path() / "new", tradeoff_);
-    std::ifstream file(folder.path() / "new/tradeoff.json");
-    const auto json = parse_json(file);
+    const auto json = parse_json(read_input(folder.path() / "new/tradeoff.json"));
     EXPECT_EQ(json["runs"][0]["status"], "not reached");
     EXPECT_EQ(json["runs"][0]["values"]["appearance"], "none");
     EXPECT_TRUE(json["recommendations"].empty());

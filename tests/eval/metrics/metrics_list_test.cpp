@@ -4,12 +4,12 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "eval/report/table.h"
 #include "eval/runs/results.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/fake_backend.h"
@@ -81,10 +81,7 @@ TEST(Metrics, ReachResultsAndTables) {
     EXPECT_EQ(result.scores.at("FLIP").reason, "not measured: view 2");
     write_results(RunFolder{folder.path()}, options, result, {});
 
-    const auto read = [&](const char* name) {
-        std::ifstream file(folder.path() / name);
-        return parse_json(file);
-    };
+    const auto read = [&](const char* name) { return parse_json(read_input(folder.path() / name)); };
     const json results = read("results.json"), per_view = read("per_view.json");
     EXPECT_EQ(results["ours_5"].size(), 3u) << results["ours_5"];
     EXPECT_EQ(results["ours_5"]["LPIPS-VGG"], 2.0);

@@ -6,11 +6,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <random>
 
 #include "eval/runs/export_run.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/export/packed_model.h"
 #include "lib/export/site.h"
@@ -42,10 +42,7 @@ Gaussians cloud(int count) {
     return g;
 }
 
-nlohmann::json site_json(const std::filesystem::path& file) {
-    std::ifstream in(file);
-    return parse_json(in);
-}
+nlohmann::json site_json(const std::filesystem::path& file) { return parse_json(read_input(file)); }
 
 /// Returns the mean PSNR of the test views from a file alone: decoded, drawn, rounded to 8 bits and compared here.
 double psnr_of_file(const std::filesystem::path& file, const TrainOptions& options) {

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "eval/metrics/colour_fit.h"
@@ -15,6 +14,7 @@
 #include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
 #include "kernels/core/rng.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/model/ply.h"
@@ -143,10 +143,7 @@ TEST(EvalCorrection, StandsBesideTheScores) {
     write_results(RunFolder{folder.path()}, options, result, facts);
     facts.controller_seconds.reset();
     facts.photometric.clear();
-    const auto stored = [&] {
-        std::ifstream file(folder.path() / "results.json");
-        return parse_json(file);
-    };
+    const auto stored = [&] { return parse_json(read_input(folder.path() / "results.json")); };
     write_results(RunFolder{folder.path()}, options, result, facts);
     auto json = stored();
     EXPECT_EQ(json["protocol"]["ours_3"]["ppisp_eval"], "controller");

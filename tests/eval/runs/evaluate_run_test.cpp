@@ -4,21 +4,17 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "eval/runs/bench_subject.h"
 #include "eval/runs/run_frame_times.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/eval/support/tiny_run.h"
 
 namespace gs {
 namespace {
 
-nlohmann::json results(const std::filesystem::path& folder) {
-    std::ifstream file(folder / "results.json");
-    return parse_json(file);
-}
+nlohmann::json results(const std::filesystem::path& folder) { return parse_json(read_input(folder / "results.json")); }
 
 TEST(EvaluateRun, WritesScoresAndFrameTimes) {
     const test::TinyRun saved;

@@ -12,6 +12,7 @@
 #include "eval/runs/protocol.h"
 #include "eval/runs/results.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/fake_backend.h"
@@ -39,10 +40,7 @@ View view(const std::string& name, float red, std::vector<std::uint8_t> pixel, i
     return v;
 }
 
-json read_json(const std::filesystem::path& path) {
-    std::ifstream file(path);
-    return parse_json(file);
-}
+json read_json(const std::filesystem::path& path) { return parse_json(read_input(path)); }
 
 std::vector<View> two_views() { return {view("a.png", 1.0f, {255, 0, 51}), view("b.png", 0.4f, {0, 0, 0})}; }
 

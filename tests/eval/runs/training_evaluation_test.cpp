@@ -4,9 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <sstream>
 
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/fake_backend.h"
@@ -33,10 +33,7 @@ class TrainingEvaluationTest : public ::testing::Test {
         };
         scene_.test.push_back(view);
     }
-    nlohmann::json results() const {
-        std::ifstream file(tmp_.path() / "results.json");
-        return parse_json(file);
-    }
+    nlohmann::json results() const { return parse_json(read_input(tmp_.path() / "results.json")); }
     test::TemporaryFolder tmp_;
     TrainOptions options_;
     Scene scene_;
