@@ -1,10 +1,64 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks UTF-8 by table 3-7 of the Unicode standard.
+// Checks UTF-8 by table 3-7 of the Unicode standard, composes by utf8proc and converts by iconv.
 #include "lib/core/utf8.h"
 
+#include <iconv.h>
+#include <utf8proc.h>
+
+#include <cctype>
 #include <cstddef>
+#include <cstdlib>
+#include <memory>
+#include <optional>
+#include <utility>
 
 namespace gs {
+namespace {
+
+/// Returns nothing for what is not UTF-8.
+std::optional<std::string> mapped(std::string_view text, int options) {
+    utf8proc_uint8_t* out = nullptr;
+    const utf8proc_ssize_t size =
+        utf8proc_map(reinterpret_cast<const utf8proc_uint8_t*>(text.data()), utf8proc_ssize_t(text.size()), &out,
+                     utf8proc_option_t(options | UTF8PROC_STABLE | UTF8PROC_COMPOSE));
+    const std::unique_ptr<utf8proc_uint8_t, decltype(&std::free)> owner(out, &std::free);
+    if (size < 0) return {};
+    return std::string(reinterpret_cast<const char*>(out), std::size_t(size));
+}
+
+/// Returns nothing for what is no text of the encoding, or if the system does not know it.
+std::optional<std::string> converted(std::string_view bytes, const char* encoding) {
+    const iconv_t handle = ::iconv_open("UTF-8", encoding);
+    if (handle == iconv_t(-1)) return {};
+    std::string in(bytes), out(4 * bytes.size() + 16, '\0');
+    char *from = in.data(), *to = out.data();
+    std::size_t left = in.size(), room = out.size();
+    const std::size_t result = ::iconv(handle, &from, &left, &to, &room);
+    ::iconv_close(handle);
+    if (result == std::size_t(-1) || left > 0) return {};
+    out.resize(out.size() - room);
+    return out;
+}
+
+}  // namespace
+
+std::string composed(std::string_view text) { return mapped(text, 0).value_or(std::string(text)); }
+
+std::string case_folded(std::string_view text) {
+    if (std::optional<std::string> folded = mapped(text, UTF8PROC_CASEFOLD)) return std::move(*folded);
+    std::string out(text);
+    for (char& c : out)
+        if (static_cast<unsigned char>(c) < 0x80) c = char(std::tolower(c));
+    return out;
+}
+
+std::vector<Reading> readings(std::string_view bytes) {
+    std::vector<Reading> found;
+    if (is_utf8(bytes)) return found;
+    for (const char* encoding : {"GB18030", "BIG5", "CP932", "CP949", "CP1252", "CP1251", "CP437"})
+        if (std::optional<std::string> text = converted(bytes, encoding)) found.push_back({encoding, std::move(*text)});
+    return found;
+}
 
 bool is_utf8(std::string_view text) {
     for (std::size_t i = 0; i < text.size();) {

@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cctype>
+#include <deque>
+#include <set>
 #include <system_error>
 
 #include "kernels/core/error.h"
@@ -15,11 +17,34 @@ namespace gs {
 
 namespace fs = std::filesystem;
 
-bool has_image_extension(const fs::path& path) {
+namespace {
+
+std::string lower_case_extension(const fs::path& path) {
     std::string extension = path.extension().string();
     std::transform(extension.begin(), extension.end(), extension.begin(),
                    [](unsigned char c) { return std::tolower(c); });
-    return std::find(std::begin(kImageExtensions), std::end(kImageExtensions), extension) != std::end(kImageExtensions);
+    return extension;
+}
+
+constexpr std::string_view kUnreadExtensions[] = {
+    ".heic", ".heif", ".hif", ".avif", ".jxl", ".jp2", ".gif", ".tga", ".psd",  // phones, web, programs
+    ".dng",  ".cr2",  ".cr3", ".crw",  ".nef", ".nrw", ".arw", ".srf", ".sr2",  // raw data of cameras
+    ".orf",  ".rw2",  ".raf", ".pef",  ".srw", ".x3f", ".3fr", ".iiq", ".rwl", ".raw"};
+
+bool is_litter(const fs::path& path) {
+    const std::string name = path.filename().string();
+    return name.starts_with('.') || name == "__MACOSX" || name == "@eaDir" || name == "#recycle" ||
+           name == "$RECYCLE.BIN";
+}
+
+}  // namespace
+
+bool has_image_extension(const fs::path& path) {
+    return std::ranges::find(kImageExtensions, lower_case_extension(path)) != std::end(kImageExtensions);
+}
+
+bool is_unread_photograph(const fs::path& path) {
+    return std::ranges::find(kUnreadExtensions, lower_case_extension(path)) != std::end(kUnreadExtensions);
 }
 
 bool names_file(const fs::path& path) {
@@ -36,24 +61,46 @@ std::string without_extension(const std::string& name) {
 
 ImageFolder::ImageFolder(const fs::path& folder) : folder_(folder) {
     if (!folder_exists(folder)) return;
-    list_folder(folder);  // throws for a folder that may not be opened, which the iterator passes over
-    std::error_code error;
-    for (fs::recursive_directory_iterator it(folder, fs::directory_options::skip_permission_denied, error), end;
-         !error && it != end; it.increment(error)) {
-        std::error_code ignored;
-        if (!it->is_directory(ignored) && has_image_extension(it->path()))
-            names_.push_back(it->path().lexically_relative(folder).generic_string());
+    list_folder(folder);  // throws for a folder that may not be opened; those below are passed over
+    std::set<fs::path> listed;
+    // Links come last, so that a folder is listed under its own name and not under that of a link to it.
+    std::deque<fs::path> folders{folder}, links;
+    while (!folders.empty() || !links.empty()) {
+        std::deque<fs::path>& queue = folders.empty() ? links : folders;
+        const fs::path next = queue.front();
+        queue.pop_front();
+        std::error_code error;
+        if (!listed.insert(fs::canonical(next, error)).second || error) continue;
+        fs::directory_iterator it(next, fs::directory_options::skip_permission_denied, error);
+        for (const fs::directory_iterator end; !error && it != end; it.increment(error)) {
+            const fs::path& entry = it->path();
+            std::error_code ignored;
+            if (is_litter(entry)) continue;
+            if (it->is_directory(ignored))
+                (it->is_symlink(ignored) ? links : folders).push_back(entry);
+            else if (has_image_extension(entry) || is_unread_photograph(entry))
+                (has_image_extension(entry) ? names_ : unread_)
+                    .push_back(entry.lexically_relative(folder).generic_string());
+        }
+        if (error) throw DataError(fmt::format("{}: cannot be listed: {}", next.string(), error.message()));
     }
-    if (error) throw DataError(fmt::format("{}: cannot be listed: {}", folder.string(), error.message()));
-    std::sort(names_.begin(), names_.end());
-    for (const std::string& name : names_) by_stem_.emplace(without_extension(name), name);
+    std::ranges::sort(names_);
+    std::ranges::sort(unread_);
 }
 
-std::optional<fs::path> ImageFolder::find(const std::string& name) const {
-    const std::string normal = fs::path(name).lexically_normal().generic_string();
-    if (std::binary_search(names_.begin(), names_.end(), normal)) return folder_ / normal;
-    if (const auto it = by_stem_.find(without_extension(normal)); it != by_stem_.end()) return folder_ / it->second;
-    return {};
+void ImageFolder::tell_unread(std::vector<std::string>& notes, std::vector<std::string>& facts) const {
+    if (unread_.empty()) return;
+    std::set<std::string> stems;
+    for (const std::string& name : names_) stems.insert(without_extension(name));
+    const auto alone = std::ranges::find_if(
+        unread_, [&](const std::string& name) { return !stems.contains(without_extension(name)); });
+    const std::string line =
+        fmt::format("{}: {} photographs are in formats that are not read: passed over (first: {})", folder_.string(),
+                    unread_.size(), alone == unread_.end() ? unread_[0] : *alone);
+    if (alone == unread_.end())
+        facts.push_back(line + ", because each has a file beside it that is read");
+    else
+        notes.push_back(fmt::format("{}; {}", line, kConvertPhotographs));
 }
 
 }  // namespace gs

@@ -3,8 +3,6 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,11 +10,19 @@
 namespace gs {
 
 /// The extensions of image files, with dot, in lower case, most likely first.
-inline constexpr std::string_view kImageExtensions[] = {".png", ".jpg",  ".jpeg", ".bmp",
-                                                        ".tif", ".tiff", ".webp", ".exr"};
+inline constexpr std::string_view kImageExtensions[] = {".png",  ".jpg", ".jpeg", ".bmp",  ".tif", ".tiff",
+                                                        ".webp", ".exr", ".jpe",  ".jfif", ".jif"};
 
 /// Returns true if the extension is one of kImageExtensions, in upper or lower case.
 bool has_image_extension(const std::filesystem::path& path);
+
+/// Returns true if the extension is one of photographs that are not read, such as HEIC and the raw data of cameras, in
+/// upper or lower case.
+bool is_unread_photograph(const std::filesystem::path& path);
+
+/// The advice about photographs that are not read.
+inline constexpr const char* kConvertPhotographs =
+    "convert them to JPEG or PNG, for example with ImageMagick: magick mogrify -format jpg FILES";
 
 /// Returns whether there is such a file, be it readable or not: reading it says why it is not. A name that is too long,
 /// as one with a second extension may be, is no file's.
@@ -25,23 +31,25 @@ bool names_file(const std::filesystem::path& path);
 /// Removes the extension: "a/b.c.png" -> "a/b.c".
 std::string without_extension(const std::string& name);
 
-/// The image files below a folder, named by their relative path with '/'.
+/// The image files below a folder, named by their relative path with '/'. Links to folders are followed; each folder is
+/// listed once, however many links lead to it. Hidden files and folders are passed over ("._a.jpg" of macOS), and so
+/// are folders that macOS and network storage keep for themselves ("__MACOSX", "@eaDir").
 class ImageFolder {
   public:
     /// A missing folder counts as an empty one. Throws DataError for one that cannot be listed; folders in it that
     /// may not be opened are passed over.
     explicit ImageFolder(const std::filesystem::path& folder);
 
-    /// Returns the file of that name, else a file of the same stem with any image extension (upper or lower case).
-    std::optional<std::filesystem::path> find(const std::string& name) const;
-
     const std::filesystem::path& path() const { return folder_; }
     const std::vector<std::string>& names() const { return names_; }  ///< sorted byte-wise
 
+    /// Adds one line about photographs that lie there and are not read, if there are any: to `notes`, or to `facts` if
+    /// each has a file beside it that is read.
+    void tell_unread(std::vector<std::string>& notes, std::vector<std::string>& facts) const;
+
   private:
     std::filesystem::path folder_;
-    std::vector<std::string> names_;
-    std::map<std::string, std::string> by_stem_;  ///< the first name of each stem
+    std::vector<std::string> names_, unread_;
 };
 
 }  // namespace gs

@@ -123,16 +123,21 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
     out.image_folder = folder.path().lexically_relative(scene).generic_string();
 
     Preflight preflight;
-    for (const ColmapImage& image : model.images) {
+    std::vector<std::string> names;
+    for (const ColmapImage& image : model.images) names.push_back(image.name);
+    FoundImages found = find_images(folder.path(), names, OutsideNames::kForeign);
+    for (std::string& line : found.notes) out.notes.push_back(std::move(line));
+    for (std::string& line : found.facts) out.facts.push_back(std::move(line));
+    for (std::size_t i = 0; i < model.images.size(); ++i) {
+        const ColmapImage& image = model.images[i];
         SourceView view;
         view.name = image.name;
         view.camera_id = int(image.camera_id);
         view.lens = model.cameras.at(image.camera_id);
         view.rotation = image.rotation;
         view.translation = image.translation;
-        std::optional<fs::path> file = folder.find(image.name);
-        if (!file) file = pairs.find(image.name);
-        if (!preflight.accept_file(view, file)) {
+        if (!found.images[i].file) found.images[i].file = pairs.find(image.name);
+        if (!preflight.accept_file(view, found.images[i])) {
             if (!view.unreadable.empty()) out.views.push_back(std::move(view));
             continue;
         }
@@ -142,13 +147,14 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
             view.lens = scaled_to(view.lens, view.info.width, view.info.height);
         else
             preflight.fit_lens(view);
-        view.mask = find_mask(scene, image.name, view.image_path, out.prescaled);
+        view.mask = find_mask(scene, found.images[i].name, view.image_path, out.prescaled);
         out.views.push_back(std::move(view));
     }
     const fs::path list = model_folder / (is_binary_colmap_model(model_folder) ? "images.bin" : "images.txt");
     for (std::string& line :
          preflight.report(fmt::format("{} with images of {}", list.string(), folder.path().string())))
         out.notes.push_back(std::move(line));
+    folder.tell_unread(out.notes, out.facts);
     note_masks(out, out.notes);
     read_points(scene, model_folder, model, out);
     if (out.points.positions.empty()) out.notes.push_back("the model has no points: random initialisation");

@@ -16,22 +16,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Finds the image of a frame, whose file_path may lack the extension.
-std::optional<fs::path> find_image(const fs::path& folder, const std::string& file_path) {
-    const fs::path exact = folder / file_path;
-    if (names_file(exact)) return exact;
-    for (const std::string_view extension : kImageExtensions)
-        if (fs::path candidate = exact.string() + std::string(extension); names_file(candidate)) return candidate;
-    return {};
-}
-
 void append(const TransformsFile& file, Preflight& preflight, bool given_test, SourceScene& out) {
     const fs::path folder = file.path.parent_path();
-    for (const TransformsFrame& frame : file.frames) {
+    std::vector<std::string> names;
+    for (const TransformsFrame& frame : file.frames) names.push_back(frame.file_path);
+    const FoundImages found = find_images(folder, names, OutsideNames::kTaken);
+    out.notes.insert(out.notes.end(), found.notes.begin(), found.notes.end());
+    out.facts.insert(out.facts.end(), found.facts.begin(), found.facts.end());
+    std::set<fs::path> folders;
+    for (std::size_t i = 0; i < file.frames.size(); ++i) {
+        const TransformsFrame& frame = file.frames[i];
+        const FoundImage& image = found.images[i];
         SourceView view;
-        const std::optional<fs::path> image = find_image(folder, frame.file_path);
-        view.name = has_image_extension(frame.file_path) || !image ? frame.file_path
-                                                                   : frame.file_path + image->extension().string();
+        view.name = has_image_extension(frame.file_path) || !image.file
+                        ? frame.file_path
+                        : frame.file_path + image.file->extension().string();
+        if (image.file) folders.insert(image.file->parent_path());
         view.rotation = frame.rotation;
         view.translation = frame.translation;
         view.given_test = given_test;
@@ -39,16 +39,22 @@ void append(const TransformsFile& file, Preflight& preflight, bool given_test, S
             if (!view.unreadable.empty()) out.views.push_back(std::move(view));
             continue;
         }
-        view.lens = resolve_intrinsics(frame.intrinsics, view.info.width, view.info.height,
-                                       fmt::format("{}: frame '{}'", file.path.string(), frame.file_path));
+        try {
+            view.lens = resolve_intrinsics(frame.intrinsics, view.info.width, view.info.height,
+                                           fmt::format("{}: frame '{}'", file.path.string(), frame.file_path));
+        } catch (const DataError& error) {
+            preflight.reject_camera(error.what());
+            continue;
+        }
         preflight.choose_turn(view);
         preflight.fit_lens(view);
         if (frame.mask_path.empty())
-            view.mask = find_mask(folder, view.name, view.image_path, 1);
+            view.mask = find_mask(folder, image.name, view.image_path, 1);
         else
             view.mask = MaskFile{folder / frame.mask_path, false};
         out.views.push_back(std::move(view));
     }
+    for (const fs::path& images : folders) ImageFolder(images).tell_unread(out.notes, out.facts);
     for (const std::string& line : file.notes) out.notes.push_back(line);
 }
 

@@ -54,7 +54,11 @@ Photographs find_photographs(const fs::path& images) {
         (turned ? found.turned : found.others).push_back(name);
     }
     if (error) throw DataError(fmt::format("{}: cannot be read: {}", images.string(), error.message()));
-    if (found.stored_sizes.empty()) throw DataError(fmt::format("{}: no photographs found", images.string()));
+    std::vector<std::string> facts;
+    ImageFolder(images).tell_unread(found.notes, facts);
+    if (found.stored_sizes.empty())
+        throw DataError(fmt::format("{}: no photographs found{}{}", images.string(), found.notes.empty() ? "" : "; ",
+                                    fmt::join(found.notes, "; ")));
     std::sort(found.names.begin(), found.names.end());
     return found;
 }

@@ -14,6 +14,7 @@ namespace gs {
 struct Photographs {
     std::vector<std::string> names;  ///< files with the extension of an image, readable or not, sorted
     std::set<std::pair<int, int>> stored_sizes, upright_sizes;  ///< width and height, pixels
+    std::vector<std::string> notes;                             ///< about photographs in formats that are not read
     /// Photographs whose EXIF orientation is not 1; all other files.
     std::vector<std::filesystem::path> turned, others;
 

@@ -10,20 +10,12 @@
 #include "kernels/core/parallel.h"
 #include "kernels/splat/camera.h"
 #include "lib/io/orientation.h"
+#include "lib/scene/image_files.h"
 #include "lib/scene/seen.h"
 #include "lib/scene/source_scene.h"
 
 namespace gs {
 namespace {
-
-/// Lists the first items: "a.jpg, b.jpg, c.jpg and 7 more".
-std::string listed(const std::vector<std::string>& items) {
-    constexpr std::size_t kShown = 3;
-    std::string text;
-    for (std::size_t i = 0; i < std::min(items.size(), kShown); ++i) text += (i > 0 ? ", " : "") + items[i];
-    if (items.size() > kShown) text += fmt::format(" and {} more", items.size() - kShown);
-    return text;
-}
 
 /// Counts the points that no camera sees or draws.
 struct PointCounts {
@@ -64,23 +56,34 @@ std::vector<std::string> blind_views(const std::vector<const View*>& views, cons
 
 }  // namespace
 
-bool Preflight::accept_file(SourceView& view, const std::optional<std::filesystem::path>& file) {
+std::string listed(const std::vector<std::string>& items) {
+    constexpr std::size_t kShown = 3;
+    std::string text;
+    for (std::size_t i = 0; i < std::min(items.size(), kShown); ++i) text += (i > 0 ? ", " : "") + items[i];
+    if (items.size() > kShown) text += fmt::format(" and {} more", items.size() - kShown);
+    return text;
+}
+
+bool Preflight::accept_file(SourceView& view, const FoundImage& image) {
     if (names_.contains(view.name)) {
         duplicate_.push_back(view.name);
         return false;
     }
-    if (!file) {
-        missing_.push_back(view.name);
+    if (!image.file) {
+        (image.is_contested ? contested_ : missing_).push_back(view.name);
         return false;
     }
     try {
-        view.info = read_image_info(*file);
+        if (is_unread_photograph(*image.file))
+            throw DataError(fmt::format("image {}: files of this format are not read; {}", image.file->string(),
+                                        kConvertPhotographs));
+        view.info = read_image_info(*image.file);
     } catch (const DataError& error) {
         unreadable_.push_back(error.what());
         if (unreadable_names_.insert(view.name).second) view.unreadable = error.what();
         return false;
     }
-    view.image_path = *file;
+    view.image_path = *image.file;
     names_.insert(view.name);
     return true;
 }
@@ -110,12 +113,20 @@ std::vector<std::string> Preflight::report(const std::string& where) const {
     std::vector<std::string> lines;
     if (!missing_.empty())
         lines.push_back(fmt::format("{} images missing: skipped ({})", missing_.size(), listed(missing_)));
+    if (!contested_.empty())
+        lines.push_back(
+            fmt::format("{} images are skipped, because their names do not tell which file is meant or mean "
+                        "that of another image ({})",
+                        contested_.size(), listed(contested_)));
+    if (!cameras_.empty())
+        lines.push_back(fmt::format("{} images are left out because their camera cannot be used (first: {})",
+                                    cameras_.size(), cameras_[0]));
     if (!unreadable_.empty())
         lines.push_back(fmt::format("{} images unreadable: skipped ({})", unreadable_.size(), listed(unreadable_)));
     if (!duplicate_.empty())
         lines.push_back(fmt::format("{} image names appear more than once: the first is used ({})", duplicate_.size(),
                                     listed(duplicate_)));
-    if (names_.empty()) {
+    if (names_.size() <= cameras_.size()) {  // each view without a camera was accepted before
         std::string reasons;
         for (const std::string& line : lines) reasons += "; " + line;
         throw DataError(

@@ -71,6 +71,7 @@ class Preparation {
         const fs::path given = report_.is_video ? take_frames() : options_.source;
         if (report_.is_video) photographs = find_photographs(given);
         report_.photographs = photographs.names.size();
+        report_.notes = photographs.notes;
         images_ = provide_upright(given, photographs).string();
         extract_features(photographs);
         match(matching);

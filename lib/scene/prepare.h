@@ -30,7 +30,8 @@ struct PrepareReport {
     std::vector<std::string> left_out;  ///< the photographs that were not registered, sorted
     /// The numbers of photographs in the other reconstructions that colmap made, largest first. They are not used.
     std::vector<std::size_t> other_models;
-    std::filesystem::path log;  ///< all that colmap and ffmpeg printed
+    std::vector<std::string> notes;  ///< about photographs that are not read
+    std::filesystem::path log;       ///< all that colmap and ffmpeg printed
 };
 
 /// Reports progress: stage 1..stages, its name, and a count ("3/67") or "".

@@ -35,6 +35,7 @@ std::vector<std::string> describe(const PrepareReport& report) {
             fmt::format("colmap made {} reconstructions that do not connect: the largest is the scene; the others hold "
                         "{} {}",
                         report.other_models.size() + 1, fmt::join(report.other_models, ", "), what));
+    lines.insert(lines.end(), report.notes.begin(), report.notes.end());
     return lines;
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "lib/scene/camera_models.h"
+#include "lib/scene/find_images.h"
 #include "lib/scene/masks.h"
 #include "lib/scene/scene.h"
 
@@ -21,6 +22,7 @@ struct SourceView {
     ImageInfo info;                                          ///< size once turned by `turn`
     int turn = 1;                                            ///< EXIF orientation by which pixels are turned on reading
     LensCamera lens;                                         ///< for the image's actual size
+    Camera pinhole = {};                                     ///< of the undistorted image, without a pose
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
     int camera_id = 0;  ///< device that took it, as the dataset numbers them
@@ -49,13 +51,19 @@ struct SourceScene {
     std::vector<std::string> notes, facts;  ///< as in Scene
 };
 
+/// Lists the first items: "a.jpg, b.jpg, c.jpg and 7 more".
+std::string listed(const std::vector<std::string>& items);
+
 /// Checks image files before they are used and collects the problems.
 class Preflight {
   public:
-    /// Fills view.image_path and view.info and returns true if `file` is an image with a readable header and view.name
-    /// is new. Otherwise records why the view is left out and returns false; an image that is there but cannot be read
-    /// also gets view.unreadable.
-    bool accept_file(SourceView& view, const std::optional<std::filesystem::path>& file);
+    /// Fills view.image_path and view.info and returns true if the image has a file with a readable header and
+    /// view.name is new. Otherwise records why the view is left out and returns false; an image that is there but
+    /// cannot be read also gets view.unreadable.
+    bool accept_file(SourceView& view, const FoundImage& image);
+
+    /// Records that an accepted view is left out because its camera cannot be used.
+    void reject_camera(const std::string& reason) { cameras_.push_back(reason); }
 
     /// Decides whether the image is turned by its EXIF orientation: where view.lens is upright and the stored pixels
     /// lie on their side, or the other way round. Otherwise cameras belong to the pixels as stored.
@@ -68,7 +76,7 @@ class Preflight {
     std::vector<std::string> report(const std::string& where) const;
 
   private:
-    std::vector<std::string> missing_, unreadable_, duplicate_, rescaled_, turned_, kept_;
+    std::vector<std::string> missing_, contested_, cameras_, unreadable_, duplicate_, rescaled_, turned_, kept_;
     std::set<std::string> names_, unreadable_names_;
 };
 

@@ -81,6 +81,29 @@ TEST(Utf8, IsToldFromOtherBytes) {
         EXPECT_FALSE(is_utf8(text)) << text;
 }
 
+TEST(Utf8, SpellingsOfOneNameAreBroughtTogether) {
+    EXPECT_EQ(composed("Ku\xCC\x88"
+                       "che"),
+              "K\xC3\xBC"
+              "che");
+    EXPECT_EQ(case_folded("K\xC3\x9C"
+                          "CHE.JPG"),
+              "k\xC3\xBC"
+              "che.jpg");
+    EXPECT_EQ(composed("K\xFC"
+                       "che"),
+              "K\xFC"
+              "che")
+        << "bytes that are no UTF-8";
+    EXPECT_EQ(case_folded("K\xDC"
+                          "CHE"),
+              "k\xDC"
+              "che");
+    EXPECT_TRUE(readings("abc").empty());
+    ASSERT_FALSE(readings("\xBF\xCD\xCC\xFC").empty());
+    EXPECT_EQ(readings("\xBF\xCD\xCC\xFC")[0].text, "\xE5\xAE\xA2\xE5\x8E\x85");
+}
+
 TEST(Log, AFullDiskIsSaidOnceAndEndsNothing) {
     ASSERT_EXIT(
         {

@@ -13,6 +13,7 @@
 #include "lib/io/image.h"
 #include "lib/scene/colmap_program.h"
 #include "lib/scene/matching.h"
+#include "lib/scene/photographs.h"
 #include "lib/scene/video_frames.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/io/tagged_image.h"
@@ -219,6 +220,19 @@ TEST(Process, TellsExitCodesSignalsAndLastLines) {
     EXPECT_THROW(run_process({"gsapp-no-such-program"}, {}, [](const std::string&) {}), UsageError);
     EXPECT_THROW(run_process({"sh", "-c", "yes"}, {}, [](const std::string&) { throw DataError("stop"); }), DataError)
         << "must not wait for ever";
+}
+
+TEST_F(Prepare, PhotographsInFormatsThatAreNotReadAreNamed) {
+    folder_.write("photographs/IMG_1.HEIC", "a photograph of a phone");
+    const PrepareReport report = prepare_scene(options_, [](int, int, const std::string&, const std::string&) {});
+    EXPECT_NE(
+        describe(report).back().find("1 photographs are in formats that are not read: passed over (first: IMG_1.HEIC)"),
+        std::string::npos);
+    fs::remove(photographs() / "a.png");
+    fs::remove(photographs() / "sub" / "b.png");
+    const std::string message = test::message_of<DataError>([&] { find_photographs(photographs()); });
+    EXPECT_NE(message.find("no photographs found; "), std::string::npos) << message;
+    EXPECT_NE(message.find("IMG_1.HEIC"), std::string::npos) << message;
 }
 
 TEST_F(Prepare, PhotographsThatLieOnTheirSideAreTurnedBeforeColmapSeesThem) {

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files that are there are found, however the dataset spells them, and no file is taken for two images.
+#include "lib/scene/find_images.h"
+
+#include <gtest/gtest.h>
+
+#include "lib/scene/image_files.h"
+#include "tests/scene/scene_fixture.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace test;
+
+/// Makes empty files.
+void touch(const TempFolder& folder, const std::vector<std::string>& names) {
+    for (const std::string& name : names) {
+        fs::create_directories((folder / name).parent_path());
+        spit(folder / name, "x");
+    }
+}
+
+/// Returns the file of each name relative to the folder: "-" for none, "?" for a contested one.
+std::vector<std::string> found(const TempFolder& folder, const std::vector<std::string>& names,
+                               OutsideNames outside = OutsideNames::kForeign) {
+    std::vector<std::string> files;
+    for (const FoundImage& image : find_images(folder.path(), names, outside).images)
+        files.push_back(image.file           ? image.file->lexically_relative(folder.path()).generic_string()
+                        : image.is_contested ? "?"
+                                             : "-");
+    return files;
+}
+
+using Names = std::vector<std::string>;
+
+TEST(FindImages, TakesOtherExtensionsAndUpperAndLowerCase) {
+    TempFolder folder;
+    touch(folder, {"A.JPG", "b.jfif", "c.jpe", "d.png", "e.jpg.png", "f", "g.x.JPEG", "sub/H.png"});
+    EXPECT_EQ(found(folder, {"a.jpg", "b.jfif", "c.jpeg", "d", "e.jpg", "f", "g.x", "SUB/h.PNG", "none.jpg"}),
+              (Names{"A.JPG", "b.jfif", "c.jpe", "d.png", "e.jpg.png", "f", "g.x.JPEG", "sub/H.png", "-"}));
+    EXPECT_TRUE(mentions(find_images(folder.path(), {"a.jpg", "d"}, OutsideNames::kForeign).facts,
+                         "1 image names are spelled differently from their files (first: 'a.jpg' is A.JPG)"));
+    EXPECT_EQ(found(folder, {"frame.0001"}), Names{"-"}) << "a number is no extension";
+}
+
+TEST(FindImages, ComposedAndDecomposedLettersAreTheSame) {
+    const std::string composed = "K\xC3\xBC" "che.jpg", decomposed = "Ku\xCC\x88" "che.jpg";
+    for (const auto& [disk, model] : {std::pair(composed, decomposed), std::pair(decomposed, composed)}) {
+        TempFolder folder;
+        touch(folder, {disk});
+        EXPECT_EQ(found(folder, {model}), Names{disk});
+    }
+    const std::string latin = "K\xFC" "che.jpg";
+    TempFolder folder;
+    touch(folder, {latin});
+    EXPECT_EQ(found(folder, {latin}), Names{latin}) << "bytes that are no UTF-8 are themselves";
+}
+
+TEST(FindImages, NamesInOlderEncodingsAreFoundAndSaid) {
+    const std::string utf8 = "\xE5\xAE\xA2\xE5\x8E\x85.jpg", gbk = "\xBF\xCD\xCC\xFC.jpg";
+    for (const auto& [disk, model] : {std::pair(utf8, gbk), std::pair(gbk, utf8)}) {
+        TempFolder folder;
+        touch(folder, {disk});
+        const FoundImages images = find_images(folder.path(), {model}, OutsideNames::kForeign);
+        ASSERT_TRUE(images.images[0].file);
+        EXPECT_TRUE(mentions(images.notes, "1 image names are in another encoding")) << disk;
+        EXPECT_TRUE(mentions(images.notes, "GB18030")) << disk;
+    }
+}
+
+TEST(FindImages, BackslashesAreFolders) {
+    TempFolder folder;
+    touch(folder, {"cam0/a.jpg", "b\\c.jpg"});
+    EXPECT_EQ(found(folder, {"cam0\\a.jpg", "b\\c.jpg"}), (Names{"cam0/a.jpg", "b\\c.jpg"}));
+}
+
+TEST(FindImages, EndsOfNamesTellWhereFilesLie) {
+    TempFolder folder;
+    touch(folder, {"001.jpg", "left/002.jpg", "right/002.jpg", "left/003.jpg"});
+    EXPECT_EQ(found(folder, {"/home/x/scene/images/001.jpg"}), Names{"001.jpg"});
+    EXPECT_EQ(found(folder, {"C:\\data\\img\\001.jpg"}), Names{"001.jpg"});
+    EXPECT_EQ(found(folder, {"images/left/002.jpg", "D:/other/right/002.JPG"}), (Names{"left/002.jpg", "right/002.jpg"}));
+    EXPECT_EQ(found(folder, {"003.jpg"}), Names{"left/003.jpg"});
+    EXPECT_EQ(found(folder, {"002.jpg"}), Names{"?"}) << "two files end so";
+    EXPECT_EQ(found(folder, {"right/003.jpg"}), Names{"-"}) << "another folder than the one that is named";
+    const FoundImages images =
+        find_images(folder.path(), {"/x/images/001.jpg", "003.jpg", "left/002.jpg"}, OutsideNames::kForeign);
+    EXPECT_TRUE(mentions(images.notes, "2 images lie in another place"));
+    EXPECT_TRUE(mentions(images.notes, "(first: '/x/images/001.jpg' is 001.jpg)"));
+    EXPECT_EQ(images.images[1].name, "left/003.jpg");
+}
+
+TEST(FindImages, TheFolderOfImagesComesBeforeOthers) {
+    TempFolder folder;
+    touch(folder, {"images/a.png", "masks/a.png", "depth/b.png"});
+    EXPECT_EQ(found(folder, {"a.png", "/home/x/b.png"}, OutsideNames::kTaken), (Names{"images/a.png", "depth/b.png"}));
+}
+
+TEST(FindImages, AbsoluteNamesOfThisMachineAreTakenWhereNamesMayLeaveTheFolder) {
+    TempFolder folder;
+    touch(folder, {"elsewhere/a.jpg", "scene/images/a.jpg"});
+    const std::string name = (folder / "elsewhere/a.jpg").string();
+    const auto file = [&](OutsideNames outside) { return *find_images(folder / "scene", {name}, outside).images[0].file; };
+    EXPECT_EQ(file(OutsideNames::kTaken), fs::path(name));
+    EXPECT_EQ(file(OutsideNames::kForeign), folder / "scene/images/a.jpg");
+}
+
+TEST(FindImages, NoFileIsTakenForTwoImages) {
+    TempFolder folder;
+    touch(folder, {"001.jpg", "a.png"});
+    EXPECT_EQ(found(folder, {"cam0/001.jpg", "cam1/001.jpg"}), (Names{"?", "?"})) << "either could be the one";
+    EXPECT_EQ(found(folder, {"cam0/001.jpg", "001.jpg"}), (Names{"?", "001.jpg"})) << "it has the very name of one";
+    EXPECT_EQ(found(folder, {"a", "a.png"}), (Names{"?", "a.png"}));
+    EXPECT_EQ(found(folder, {"a.png", "a.png"}), (Names{"a.png", "a.png"})) << "one name given twice is one image";
+}
+
+TEST(ImageFolder, FollowsLinksButNoCircles) {
+    TempFolder folder;
+    touch(folder, {"elsewhere/cam0/a.jpg", "images/b.jpg"});
+    fs::create_directory_symlink(folder / "elsewhere/cam0", folder / "images/cam0");
+    fs::create_directory_symlink(folder / "images", folder / "images/cam1");
+    fs::create_directory_symlink("..", folder / "elsewhere/cam0/up");
+    EXPECT_EQ(ImageFolder(folder / "images").names(), (Names{"b.jpg", "cam0/a.jpg"}));
+}
+
+TEST(ImageFolder, PassesOverWhatMacOSAndNetworkStorageLeave) {
+    TempFolder folder;
+    touch(folder, {"a.jpg", "._a.jpg", "@eaDir/a.jpg", "__MACOSX/a.jpg", ".thumbnails/a.jpg", "Thumbs.db"});
+    EXPECT_EQ(ImageFolder(folder.path()).names(), Names{"a.jpg"});
+    EXPECT_EQ(found(folder, {".thumbnails/a.jpg"}), Names{".thumbnails/a.jpg"}) << "it is named exactly";
+}
+
+TEST(ImageFolder, NamesPhotographsThatAreNotRead) {
+    TempFolder folder;
+    touch(folder, {"a.jpg", "a.HEIC"});
+    Names notes, facts;
+    ImageFolder(folder.path()).tell_unread(notes, facts);
+    EXPECT_TRUE(notes.empty()) << "the same photograph is there as JPEG";
+    EXPECT_TRUE(mentions(facts, "1 photographs are in formats that are not read"));
+    touch(folder, {"b.dng", "sub/c.heif"});
+    ImageFolder(folder.path()).tell_unread(notes, facts);
+    EXPECT_TRUE(mentions(notes, "3 photographs are in formats that are not read: passed over (first: b.dng)"));
+    EXPECT_TRUE(mentions(notes, "convert them to JPEG or PNG"));
+}
+
+}  // namespace
+}  // namespace gs
