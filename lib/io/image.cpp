@@ -10,6 +10,7 @@
 #include <cctype>
 #include <cmath>
 #include <memory>
+#include <new>
 #include <string>
 #include <type_traits>
 
@@ -48,6 +49,11 @@ int stored_orientation(const OIIO::ImageSpec& spec) {
 
 [[noreturn]] void fail(const fs::path& path, const std::string& reason) {
     throw DataError(fmt::format("image {}: {}", path.string(), reason));
+}
+
+[[noreturn]] void fail_for_memory(const fs::path& path) {
+    throw DeviceError(
+        fmt::format("image {}: out of memory while it was read; fewer --threads need less", path.string()));
 }
 
 /// Appends decoded pixels to `out` with the planned channels, and undoes premultiplication where the file has it. `one`
@@ -152,14 +158,16 @@ std::vector<unsigned char> encode(const fs::path& path, const Image& image) {
 
 }  // namespace
 
-ImageInfo read_image_info(const fs::path& path) {
+ImageInfo read_image_info(const fs::path& path) try {
     const ImageFile file(path);
     const OIIO::ImageSpec& spec = file.spec();
     return {spec.width, spec.height, plan_channels(spec).alpha >= 0 ? 4 : 3, decodes_to_float(spec),
             stored_orientation(spec)};
+} catch (const std::bad_alloc&) {
+    fail_for_memory(path);
 }
 
-Image read_image(const fs::path& path) {
+Image read_image(const fs::path& path) try {
     ImageFile file(path);
     const OIIO::ImageSpec& spec = file.spec();
     const ChannelPlan plan = plan_channels(spec);
@@ -179,6 +187,8 @@ Image read_image(const fs::path& path) {
         image.u8 = decoded<std::uint8_t>(file, plan, 255.0f);
     }
     return image;
+} catch (const std::bad_alloc&) {
+    fail_for_memory(path);
 }
 
 Image read_mask(const fs::path& path) {

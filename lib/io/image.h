@@ -38,11 +38,13 @@ inline std::uint8_t to_8_bits(float value) {
     return static_cast<std::uint8_t>(std::min(value, 1.0f) * 255.0f + 0.5f);  // NOLINT(bugprone-incorrect-roundings)
 }
 
-/// Reads only the header. Throws DataError naming the file and the reason; zero and absurd sizes are errors.
+/// Reads only the header. Throws DataError naming the file and the reason; zero and absurd sizes are errors. Throws
+/// DeviceError naming the file where memory runs out.
 ImageInfo read_image_info(const std::filesystem::path& path);
 
 /// Reads PNG, JPEG, TIFF, WebP, EXR, ... as 3 (rgb) or 4 (rgba) channels. Grey is replicated, extra channels are
-/// dropped, the EXIF orientation is ignored. Throws DataError naming the file and the decoder's reason.
+/// dropped, the EXIF orientation is ignored. Throws DataError naming the file and the decoder's reason, and DeviceError
+/// as read_image_info does.
 Image read_image(const std::filesystem::path& path);
 
 /// Reads a mask as one 8-bit channel (alpha if present, else luma). Throws as read_image does.

@@ -30,6 +30,9 @@ constexpr std::int64_t kMaxSide = 65535, kMaxPixels = std::int64_t(1) << 29;
 // decoder needs four bytes more for each. Photographs of that size are larger files. The program as a whole then stays
 // below 1 GiB.
 constexpr double kSmallFile = 1 << 20, kSmallFileMemory = 512.0 * (1 << 20);
+// Undistorting and resizing need the decoded image several times over, so that inputs of less than 100 KB get less:
+// 192 MiB hold 67 million pixels with three channels of 8 bits.
+constexpr double kTinyFile = 100 << 10, kTinyFileMemory = 192.0 * (1 << 20);
 
 /// The greatest ratio of deflate: a match of 258 bytes in two bits.
 constexpr double kDeflateRatio = 1032;
@@ -64,8 +67,10 @@ class Head {
     std::string bytes(std::uint64_t offset, std::size_t count) {
         std::string data(count, '\0');
         in_.seekg(std::streamoff(offset));
-        if (!in_.read(data.data(), std::streamsize(count)))
+        if (!in_.read(data.data(), std::streamsize(count))) {
+            require_readable();
             refuse(path_, "cannot be decoded: the file ends within its header, it is truncated");
+        }
         return data;
     }
     /// Returns the characters before the next zero byte, of which OpenEXR takes at most kMaxText.
@@ -73,6 +78,7 @@ class Head {
         std::string data;
         in_.seekg(std::streamoff(offset));
         for (char c; in_.get(c) && c != '\0' && data.size() <= kMaxText;) data += c;
+        require_readable();
         if (!in_ || data.size() > kMaxText) refuse(path_, "cannot be decoded: a name in its header does not end");
         return data;
     }
@@ -83,6 +89,7 @@ class Head {
     std::string magic() {
         std::string data(16, '\0');
         in_.read(data.data(), 16);
+        require_readable();
         data.resize(std::size_t(in_.gcount()));
         in_.clear();
         return data;
@@ -90,6 +97,10 @@ class Head {
     [[noreturn]] void damaged(const std::string& what) const { refuse(path_, "cannot be decoded: " + what); }
 
   private:
+    void require_readable() const {
+        if (in_.bad()) refuse(path_, "cannot be read: an error of the disk");
+    }
+
     static constexpr std::size_t kMaxText = 255;
 
     fs::path path_;
@@ -279,6 +290,10 @@ ImageClaim read_image_claim(const fs::path& path) {
     if (begins("BM"sv)) return bmp_claim(head);
     if (begins("II*\0"sv) || begins("MM\0*"sv) || begins("II+\0"sv) || begins("MM\0+"sv)) return {"tiff"};
     if (begins("\x76\x2f\x31\x01"sv)) return exr_claim(head);
+    if (magic.size() >= 12 && magic.compare(4, 4, "ftyp") == 0)
+        refuse(path,
+               "cannot be decoded: it is a HEIC or AVIF file by its content, whatever its name says; convert it to "
+               "JPEG or PNG");
     refuse(path, "cannot be decoded: its first bytes are not those of a PNG, JPEG, TIFF, WebP, BMP or EXR file");
 }
 
@@ -296,11 +311,11 @@ void check_image_claim(const fs::path& path, const ImageClaim& claim, double dec
         refuse(path, fmt::format("it declares {} pixels, but its {} bytes cannot hold them ({:.0f} are the least); the "
                                  "file is truncated or damaged",
                                  size, length, std::ceil(claim.least_bytes)));
-    if (length < kSmallFile && decoded_bytes + claim.work_bytes > kSmallFileMemory)
-        refuse(path,
-               fmt::format("it declares {} pixels, which need {:.0f} MiB of memory; a file of {} bytes gets at "
-                           "most {:.0f}. The header is damaged, or the image needs tiling",
-                           size, (decoded_bytes + claim.work_bytes) / (1 << 20), length, kSmallFileMemory / (1 << 20)));
+    const double memory = length < kTinyFile ? kTinyFileMemory : kSmallFileMemory;
+    if (length < kSmallFile && decoded_bytes + claim.work_bytes > memory)
+        refuse(path, fmt::format("it declares {} pixels, which need {:.0f} MiB of memory; a file of {} bytes gets at "
+                                 "most {:.0f}. The header is damaged, or the image needs tiling",
+                                 size, (decoded_bytes + claim.work_bytes) / (1 << 20), length, memory / (1 << 20)));
 }
 
 }  // namespace gs

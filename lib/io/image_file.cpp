@@ -49,6 +49,12 @@ double least_bytes(const OIIO::ImageSpec& spec, const std::string& format) {
 /// The most rows that a compression of OpenEXR packs together (DWAB).
 constexpr int kExrRows = 256;
 
+/// Whether a decoder complains that it got no memory, and not of the file.
+bool lacks_memory(const std::string& complaint) {
+    const auto says = [&](const char* words) { return complaint.find(words) != std::string::npos; };
+    return says("nsufficient memory") || says("ut of memory") || says("bad_alloc");
+}
+
 /// Whether a decoder that succeeded has lost pixels. OpenImageIO hands out the rows of truncated TIFF and JPEG files as
 /// if they were whole and only keeps the decoder's complaint. Other complaints of the JPEG decoder, as of bytes between
 /// segments, cost no pixel.
@@ -73,12 +79,13 @@ ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
         const bool takes_file = input_->supports("ioproxy");  // all six formats do from OpenImageIO 2.4 on
         if (takes_file) input_->set_ioproxy(file_.get());
         if (!input_->open(takes_file ? "image" : path.string(), header, config))
-            fail(fmt::format("cannot be decoded: {}", reason_from(input_->geterror())));
+            fail_to_decode(reason_from(input_->geterror()));
         input_->geterror();  // what was not in order with the metadata is not reported as damage to pixels
+    } catch (const std::bad_alloc&) {
+        throw;
     } catch (const std::exception& e) {
-        // Memory that ran out is no damage.
-        if (dynamic_cast<const Error*>(&e) || dynamic_cast<const std::bad_alloc*>(&e)) throw;
-        fail(fmt::format("cannot be decoded: {}", e.what()));
+        if (dynamic_cast<const Error*>(&e)) throw;
+        fail_to_decode(e.what());
     }
     const OIIO::ImageSpec& spec = input_->spec();
     if (spec.nchannels <= 0)
@@ -103,8 +110,7 @@ template <class T> void ImageFile::decode(const std::function<void(const T*, std
     const std::size_t row = std::size_t(spec.width) * std::size_t(spec.nchannels);
     const auto check = [&](bool done) {
         const std::string complaint = input_->geterror();
-        if (!done || is_damage(input_->format_name(), complaint))
-            fail(fmt::format("cannot be decoded: {}", reason_from(complaint)));
+        if (!done || is_damage(input_->format_name(), complaint)) fail_to_decode(reason_from(complaint));
     };
     try {
         if (spec.tile_width > 0) {
@@ -124,15 +130,21 @@ template <class T> void ImageFile::decode(const std::function<void(const T*, std
             check(input_->read_scanlines(0, 0, spec.y + y, spec.y + end, 0, 0, spec.nchannels, kType, samples.data()));
             take(samples.data(), row * std::size_t(end - y));
         }
+    } catch (const std::bad_alloc&) {
+        throw;
     } catch (const std::exception& e) {
-        // Memory that ran out is no damage.
-        if (dynamic_cast<const Error*>(&e) || dynamic_cast<const std::bad_alloc*>(&e)) throw;
-        fail(fmt::format("cannot be decoded: {}", e.what()));
+        if (dynamic_cast<const Error*>(&e)) throw;
+        fail_to_decode(e.what());
     }
 }
 
 template void ImageFile::decode(const std::function<void(const float*, std::size_t)>&);
 template void ImageFile::decode(const std::function<void(const std::uint8_t*, std::size_t)>&);
+
+void ImageFile::fail_to_decode(const std::string& complaint) const {
+    if (lacks_memory(complaint)) throw std::bad_alloc();
+    fail("cannot be decoded: " + complaint);
+}
 
 void ImageFile::fail(const std::string& reason) const {
     throw DataError(fmt::format("image {}: {}", path_.string(), reason));

@@ -19,7 +19,8 @@ std::string reason_from(std::string text);
 
 class ImageFile {
   public:
-    /// Reads the header. Throws DataError naming the file and the reason.
+    /// Reads the header. Throws DataError naming the file and the reason. As all functions here it throws
+    /// std::bad_alloc for want of memory, which is no fault of the file.
     explicit ImageFile(const std::filesystem::path& path);
 
     const OIIO::ImageSpec& spec() const { return input_->spec(); }
@@ -32,6 +33,9 @@ class ImageFile {
     [[noreturn]] void fail(const std::string& reason) const;
 
   private:
+    /// Throws std::bad_alloc where the decoder got no memory, else DataError.
+    [[noreturn]] void fail_to_decode(const std::string& complaint) const;
+
     std::filesystem::path path_;
     // A name may hold characters that OpenImageIO would read as a query ("?") or a pattern. It gets the open file.
     std::unique_ptr<OIIO::Filesystem::IOFile> file_;

@@ -139,6 +139,26 @@ TEST(ImageClaim, LargeImagesOfOneColourAreRead) {
     }
 }
 
+TEST(ImageClaim, FilesBelow100KilobytesGetLessMemory) {
+    const TempFolder folder;
+    std::string png = header_of_png(13000, 13000, false);
+    png[24] = 1, png[25] = 3;  // one bit a pixel, with a palette: 20 KB can hold it
+    test::spit(folder / "a.png", png + std::string(90000, 'x'));
+    EXPECT_CONTAINS(
+        message_of<DataError>([&] { read_image_info(folder / "a.png"); }),
+        "declares 13000x13000 pixels, which need 484 MiB of memory; a file of 91196 bytes gets at most 192");
+    test::spit(folder / "a.png", png + std::string(600000, 'x'));
+    EXPECT_NO_THROW(check_image_claim(folder / "a.png", read_image_claim(folder / "a.png"), 3.0 * 13000 * 13000));
+}
+
+TEST(ImageClaim, HeicIsNamedWhateverItsExtension) {
+    const TempFolder folder;
+    test::spit(folder / "a.jpg", std::string("\0\0\0\x18"
+                                             "ftypheic\0\0\0\0mif1heic",
+                                             24));
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_image(folder / "a.jpg"); }), "it is a HEIC or AVIF file");
+}
+
 TEST(ImageClaim, JpegWithBytesBetweenItsSegmentsIsRead) {
     const TempFolder folder;
     const Image grey{640, 480, 3, std::vector<std::uint8_t>(640 * 480 * 3, 100), {}};

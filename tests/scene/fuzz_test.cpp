@@ -16,6 +16,7 @@ namespace {
 
 std::atomic<bool> watching = false;
 std::atomic<std::size_t> largest_request = 0;
+std::atomic<std::size_t> largest_granted = ~std::size_t(0);
 
 void watch(std::size_t size) {
     if (!watching) return;
@@ -30,6 +31,7 @@ void watch(std::size_t size) {
 // the compiler sees malloc and delete meet and warns.
 [[gnu::noinline]] void* operator new(std::size_t size) {
     watch(size);
+    if (size > largest_granted) throw std::bad_alloc();
     if (void* memory = std::malloc(size ? size : 1)) return memory;
     throw std::bad_alloc();
 }
@@ -202,6 +204,15 @@ TEST(Fuzz, Images) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png"});  // a single one, for a scene without images is an error
     fuzz(folder, {"images/a.png"}, 150, 4);
+}
+
+TEST(OutOfMemory, IsNoDamageOfAnImage) {
+    TempFolder folder;
+    write_png(folder / "a.png", 640, 480);
+    largest_granted = 640 * 480;
+    const std::string message = message_of<DeviceError>([&] { read_image(folder / "a.png"); });
+    largest_granted = ~std::size_t(0);
+    EXPECT_CONTAINS(message, "a.png: out of memory");
 }
 
 }  // namespace
