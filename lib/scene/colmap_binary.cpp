@@ -87,10 +87,15 @@ void read_cameras(const fs::path& file, ModelBuilder& builder) {
         const auto id = cursor.read<std::uint32_t>("camera_id");
         const auto model_id = cursor.read<std::int32_t>("model_id");
         const auto width = cursor.read<std::uint64_t>("width"), height = cursor.read<std::uint64_t>("height");
-        if (model_id < 0 || std::size_t(model_id) >= camera_models().size())
-            throw DataError(fmt::format(
+        if (model_id < 0 || std::size_t(model_id) >= camera_models().size()) {
+            const std::string reason = fmt::format(
                 "{}: camera {}: model_id is {}; known are 0 to {} (is the file damaged or from a newer COLMAP?)",
-                file.string(), id, model_id, camera_models().size() - 1));
+                file.string(), id, model_id, camera_models().size() - 1);
+            // How many parameters follow is unknown, and so is where the next camera begins.
+            if (count > 1) throw DataError(reason);
+            builder.add_unusable_camera(file, id, reason);
+            return;
+        }
         const auto model = static_cast<CameraModel>(model_id);
         std::array<double, 16> params;
         const std::size_t num_params = camera_model_info(model).num_params();
@@ -114,7 +119,14 @@ void read_images(const fs::path& file, ModelBuilder& builder) {
     note_trailing(cursor, builder);
 }
 
-void read_points(const fs::path& file, ModelBuilder& builder) {
+}  // namespace
+
+void read_binary(const fs::path& folder, ModelBuilder& builder) {
+    read_cameras(folder / "cameras.bin", builder);
+    read_images(folder / "images.bin", builder);
+}
+
+void read_binary_points(const fs::path& file, ModelBuilder& builder) {
     Cursor cursor(file);
     for (std::uint64_t count = cursor.read_count("number of points", 51); count > 0; --count) {
         const auto id = cursor.read<std::uint64_t>("point3D_id");
@@ -123,17 +135,10 @@ void read_points(const fs::path& file, ModelBuilder& builder) {
         cursor.skip(sizeof(double), "error");
         constexpr std::size_t kTrackElementBytes = 8;
         cursor.skip(cursor.read_count("track length", kTrackElementBytes) * kTrackElementBytes, "track");
-        builder.add_point(file, id, {position[0], position[1], position[2]}, {rgb[0], rgb[1], rgb[2]});
+        builder.add_point(file, id, {position[0], position[1], position[2]},
+                          {double(rgb[0]), double(rgb[1]), double(rgb[2])});
     }
     note_trailing(cursor, builder);
-}
-
-}  // namespace
-
-void read_binary(const fs::path& folder, ModelBuilder& builder) {
-    read_cameras(folder / "cameras.bin", builder);
-    read_images(folder / "images.bin", builder);
-    if (path_exists(folder / "points3D.bin")) read_points(folder / "points3D.bin", builder);
 }
 
 }  // namespace gs::colmap

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <system_error>
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
@@ -25,18 +26,30 @@ constexpr std::uint64_t kMaxSide = 1 << 20;
 void ModelBuilder::add_camera(const fs::path& file, std::uint32_t id, CameraModel model, std::uint64_t width,
                               std::uint64_t height, std::span<const double> params) {
     const auto fail = [&](const std::string& what) {
-        throw DataError(fmt::format("{}: camera {}: {}", file.string(), id, what));
+        add_unusable_camera(file, id, fmt::format("{}: camera {}: {}", file.string(), id, what));
     };
     if (width == 0 || height == 0 || width > kMaxSide || height > kMaxSide)
-        fail(fmt::format("width x height is {} x {}; both must be 1 to {}", width, height, kMaxSide));
+        return fail(fmt::format("width x height is {} x {}; both must be 1 to {}", width, height, kMaxSide));
     const CameraModelInfo& info = camera_model_info(model);
     for (std::size_t i = 0; i < params.size(); ++i)
         if (!std::isfinite(params[i]))
-            fail(fmt::format("parameter {} of {} is {}; must be finite", i, info.name, params[i]));
+            return fail(fmt::format("parameter {} of {} is {}; must be finite", i, info.name, params[i]));
     const LensCamera lens = make_lens_camera(model, int(width), int(height), params);
     if (!(lens.fx > 0 && lens.fy > 0))
-        fail(fmt::format("focal length is ({:g}, {:g}); must be positive", lens.fx, lens.fy));
-    if (!model_.cameras.emplace(id, lens).second) fail("the id appears twice");
+        return fail(fmt::format("focal length is ({:g}, {:g}); must be positive", lens.fx, lens.fy));
+    require_new_camera(file, id);
+    model_.cameras.emplace(id, lens);
+}
+
+void ModelBuilder::add_unusable_camera(const fs::path& file, std::uint32_t id, std::string reason) {
+    require_new_camera(file, id);
+    if (unusable_cameras_.empty()) first_unusable_camera_ = reason;
+    unusable_cameras_.emplace(id, std::move(reason));
+}
+
+void ModelBuilder::require_new_camera(const fs::path& file, std::uint32_t id) const {
+    if (model_.cameras.contains(id) || unusable_cameras_.contains(id))
+        throw DataError(fmt::format("{}: camera {}: the id appears twice", file.string(), id));
 }
 
 void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::array<double, 7>& pose,
@@ -46,8 +59,17 @@ void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::
     };
     if (!image_ids_.insert(id).second) fail("the id appears twice");
     if (name.empty()) fail("the name is empty");
-    if (!model_.cameras.contains(camera_id))
-        fail(fmt::format("camera_id {} is not among those of {}", camera_id, "cameras" + file.extension().string()));
+    if (!model_.cameras.contains(camera_id)) {
+        const auto unusable = unusable_cameras_.find(camera_id);
+        if (without_camera_++ == 0)
+            first_without_camera_ =
+                fmt::format("'{}': {}", name,
+                            unusable != unusable_cameras_.end()
+                                ? unusable->second
+                                : fmt::format("{}: image {}: camera_id {} is not among those of {}", file.string(), id,
+                                              camera_id, "cameras" + file.extension().string()));
+        return;
+    }
     Eigen::Quaterniond q(pose[0], pose[1], pose[2], pose[3]);
     const Eigen::Vector3d t(pose[4], pose[5], pose[6]);
     const double norm = q.coeffs().stableNorm();
@@ -65,7 +87,7 @@ void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::
 }
 
 void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen::Vector3d& position,
-                             const std::array<int, 3>& rgb) {
+                             const Eigen::Vector3d& rgb) {
     if (!point_ids_.insert(id).second)
         throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
     // The check is in float because a finite double may overflow there.
@@ -74,10 +96,21 @@ void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen
         return;
     }
     model_.points.positions.push_back(position);
-    model_.points.colors.push_back(Eigen::Vector3f(float(rgb[0]), float(rgb[1]), float(rgb[2])) / 255.0f);
+    model_.points.colors.push_back(rgb.cast<float>() / 255.0f);
+}
+
+void ModelBuilder::set_unit_colors() {
+    for (Eigen::Vector3f& color : model_.points.colors) color *= 255.0f;
 }
 
 void ModelBuilder::finish() {
+    if (model_.images.empty()) {
+        for (const std::string& first : {first_without_camera_, first_unusable_camera_})
+            if (!first.empty()) throw DataError(fmt::format("{}; no other image is left", first));
+    }
+    if (without_camera_ > 0)
+        note(fmt::format("{} images are left out because their camera cannot be used (first: {})", without_camera_,
+                         first_without_camera_));
     if (skipped_images_ > 0)
         note(fmt::format("{} images with a non-finite or zero pose (first: {}): skipped", skipped_images_,
                          first_skipped_image_));
@@ -102,13 +135,28 @@ std::uint64_t count_images(const fs::path& folder) {
         std::uint64_t count = 0;
         std::ifstream in = open_input(folder / "images.bin");
         in.read(reinterpret_cast<char*>(&count), sizeof(count));
+        if (in.bad()) throw DataError(fmt::format("{}: cannot be read", (folder / "images.bin").string()));
         return in ? count : 0;
     }
-    // An estimate: two lines per image, comments not counted.
-    std::ifstream in = open_input(folder / "images.txt");
-    std::uint64_t lines = 0;
-    for (std::string line; std::getline(in, line);) lines += line.empty() || line[0] != '#';
-    return lines / 2;
+    return colmap::count_text_images(folder / "images.txt");
+}
+
+/// Says that the binary form of a model is read, if there is a text beside it that is another model or newer.
+void note_both_forms(const fs::path& folder, std::vector<std::string>& notes) {
+    if (!has_text(folder)) return;
+    std::error_code ignored;
+    const auto written = [&](const char* name) { return fs::last_write_time(folder / name, ignored); };
+    const bool newer = std::max(written("cameras.txt"), written("images.txt")) >
+                       std::max(written("cameras.bin"), written("images.bin"));
+    const std::uint64_t binary = count_images(folder);
+    std::string text = "?";  // what cannot be read is no error, because it is not used
+    if (input_fault(folder / "images.txt").empty())
+        text = std::to_string(colmap::count_text_images(folder / "images.txt"));
+    if (newer || text != std::to_string(binary))
+        notes.push_back(fmt::format(
+            "{}: the .bin files are read ({} images), not the {}.txt files beside them ({} images): remove those that "
+            "are out of date",
+            folder.string(), binary, newer ? "newer " : "", text));
 }
 
 }  // namespace
@@ -154,12 +202,21 @@ ColmapModel read_colmap_model(const fs::path& folder) {
     ColmapModel model;
     model.folder = folder;
     colmap::ModelBuilder builder(model);
-    if (is_binary_colmap_model(folder))
+    const bool binary = is_binary_colmap_model(folder);
+    if (binary) {
+        note_both_forms(folder, model.notes);
         colmap::read_binary(folder, builder);
-    else if (has_text(folder))
+    } else if (has_text(folder)) {
         colmap::read_text(folder, builder);
-    else
+    } else {
         throw DataError(fmt::format("{}: no COLMAP model (cameras and images as .bin or .txt) here", folder.string()));
+    }
+    // Points may lie there in the other form alone.
+    const fs::path bin = folder / "points3D.bin", txt = folder / "points3D.txt";
+    if (path_exists(bin) && (binary || !path_exists(txt)))
+        colmap::read_binary_points(bin, builder);
+    else if (path_exists(txt))
+        colmap::read_text_points(txt, builder);
     builder.finish();
     return model;
 }

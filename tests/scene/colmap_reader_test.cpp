@@ -2,6 +2,7 @@
 // COLMAP models: binary against text, tolerances of the text form, every kind of damage.
 #include "lib/scene/colmap_reader.h"
 
+#include <chrono>
 #include <cmath>
 #include <limits>
 
@@ -200,7 +201,108 @@ TEST(ColmapReader, TextErrorsNameLineFieldAndValue) {
     EXPECT_CONTAINS(error_with("1 1 0 0 0 0 0 4 1\n\n", ""), "the name is empty");
     EXPECT_CONTAINS(error_with("", "1 0 0 0 256 0 0 0\n"), "colour 256");
     EXPECT_CONTAINS(error_with("", "1 0 0 1e999 0 0 0 0\n"), "'1e999'");
+    EXPECT_CONTAINS(error_with("1 1 0 0 0 0,5 0 4 1 a.png\n\n", ""),
+                    "'0,5'; must be a number in range, with a decimal point");
     EXPECT_CONTAINS(error_with("-1 1 0 0 0 0 0 4 1 a\n\n", ""), "IMAGE_ID is '-1'");
+}
+
+/// Returns the names of the images that are read from an images.txt.
+std::vector<std::string> names_in(const std::string& images) {
+    TempFolder folder;
+    spit(folder / "cameras.txt", "1 PINHOLE 16 12 20 20 8 6\n");
+    spit(folder / "images.txt", images);
+    std::vector<std::string> names;
+    for (const ColmapImage& image : read_colmap_model(folder.path()).images) names.push_back(image.name);
+    return names;
+}
+
+TEST(ColmapReader, TheSecondLineOfAnImageIsOptional) {
+    const std::string a = "1 1 0 0 0 0 0 4 1 a.png\n", b = "2 1 0 0 0 0 0 4 1 b c.png\n", c = "3 1 0 0 0 0 0 4 1 007\n";
+    const std::vector<std::string> all = {"a.png", "b c.png", "007"};
+    EXPECT_EQ(names_in(a + b + c), all);
+    EXPECT_EQ(names_in(a + b + c + "\n"), all);
+    EXPECT_EQ(names_in(a + "\n" + b + "\n" + c + "\n"), all);
+    EXPECT_EQ(names_in(a + "\n\n\n" + b + "\n\n" + c), all);
+    EXPECT_EQ(names_in(a + "1.5 2.5 -1 3 4 7\n" + b + c + "1 2 3 4 5 6 7 8 9 10 11 12\n"), all);
+    EXPECT_EQ(names_in(a + "1.5 2.5 -1 3 4 7 5 6\n" + b + "# a comment\n" + c), all) << "points that are cut short";
+}
+
+TEST(ColmapReader, TextsMayBeginWithAByteOrderMarkAndHaveOddPoints) {
+    TempFolder folder;
+    const std::string mark = "\xef\xbb\xbf";
+    spit(folder / "cameras.txt", mark + "1 PINHOLE 16 12 20 20 8 6\r\n");
+    spit(folder / "images.txt", mark + "1 1 0 0 0 0 0 4 1 a.png\r\n\r\n2 1 0 0 0 0 0 4 1 b.png\r\n");
+    spit(folder / "points3D.txt", mark + "1 0 0 1 128.0 255.0 9 -1\r\n2 0 0 1 1 2 3\r\n");
+    const ColmapModel model = read_colmap_model(folder.path());
+    EXPECT_EQ(model.images.size(), 2u);
+    ASSERT_EQ(model.points.colors.size(), 2u);
+    EXPECT_FLOAT_EQ(model.points.colors[0][0], 128 / 255.0f);
+    EXPECT_TRUE(model.notes.empty());
+    spit(folder / "points3D.txt", "1 0 0 1 0.5 1 0.25 0\n2 0 0 1 0 0 0 0\n");
+    const ColmapModel unit = read_colmap_model(folder.path());
+    EXPECT_FLOAT_EQ(unit.points.colors[0][0], 0.5f);
+    EXPECT_TRUE(mentions(unit.notes, "no colour is above 1"));
+    spit(folder / "images.txt", "\xff\xfe" + std::string("1\0 \0", 4));
+    EXPECT_CONTAINS(error_of(folder.path()), "images.txt: is a text in UTF-16");
+}
+
+TEST(ColmapReader, OneUnusableCameraLeavesOutItsImagesAlone) {
+    TempFolder folder;
+    const std::vector<TestImage> images = {{1, {1, 0, 0, 0, 0, 0, 4}, 1, "a.png"},
+                                           {2, {1, 0, 0, 0, 0, 0, 4}, 2, "b.png"}};
+    for (const auto& [width, focal] :
+         {std::pair(16, 0.0), std::pair(16, kNan), std::pair(16, -5.0), std::pair(0, 20.0)}) {
+        write_model(folder.path(), {TestCamera{}, {2, 1, std::uint64_t(width), 12, {focal, 20, 8, 6}}}, images, {});
+        const ColmapModel model = read_colmap_model(folder.path());
+        ASSERT_EQ(model.images.size(), 1u);
+        EXPECT_EQ(model.images[0].name, "a.png");
+        EXPECT_TRUE(
+            mentions(model.notes, "1 images are left out because their camera cannot be used (first: 'b.png': "));
+    }
+    write_model(folder.path(), {TestCamera{}}, images, {});
+    EXPECT_TRUE(mentions(read_colmap_model(folder.path()).notes, "camera_id 2 is not among those of cameras.bin"));
+    // A model number that is not known is passed over if nothing follows that would have to be found.
+    write_model(folder.path(), {TestCamera{}, {2, 99, 16, 12, {1, 2, 3}}}, images, {});
+    EXPECT_TRUE(mentions(read_colmap_model(folder.path()).notes, "camera 2: model_id is 99"));
+    spit(folder / "txt/cameras.txt", "2 FISHY 16 12 20 8 6\n1 PINHOLE 16 12 20 20 8 6\n");
+    spit(folder / "txt/images.txt", "1 1 0 0 0 0 0 4 1 a.png\n2 1 0 0 0 0 0 4 2 b.png\n");
+    EXPECT_TRUE(mentions(read_colmap_model(folder / "txt").notes,
+                         "'b.png': " + (folder / "txt/cameras.txt").string() + ": line 1: MODEL is 'FISHY'"));
+}
+
+TEST(ColmapReader, UnusableCamerasWithoutImagesDoNotMatter) {
+    TempFolder folder;
+    write_model(folder.path(), {TestCamera{}, {2, 1, 16, 12, {kNan, 20, 8, 6}}}, {TestImage{}}, {});
+    const ColmapModel model = read_colmap_model(folder.path());
+    EXPECT_EQ(model.images.size(), 1u);
+    EXPECT_TRUE(model.notes.empty());
+}
+
+TEST(ColmapReader, ABinaryModelBesideATextThatDiffersIsSaid) {
+    TempFolder folder;
+    write_model(folder.path(), {TestCamera{}}, {TestImage{}}, {});
+    spit(folder / "cameras.txt", "1 PINHOLE 16 12 20 20 8 6\n");
+    spit(folder / "images.txt", "1 1 0 0 0 0 0 4 1 a.png\n2 1 0 0 0 0 0 4 1 b.png\n");
+    const auto before = std::filesystem::last_write_time(folder / "images.bin") - std::chrono::hours(1);
+    const auto age_text = [&] {
+        for (const char* name : {"cameras.txt", "images.txt"}) std::filesystem::last_write_time(folder / name, before);
+    };
+    age_text();
+    EXPECT_TRUE(mentions(read_colmap_model(folder.path()).notes,
+                         "the .bin files are read (1 images), not the .txt files beside them (2 images)"));
+    spit(folder / "images.txt", "1 1 0 0 0 0 0 4 1 a.png\n\n");
+    age_text();
+    EXPECT_TRUE(read_colmap_model(folder.path()).notes.empty()) << "two forms of one model";
+    std::filesystem::last_write_time(folder / "images.txt", before + std::chrono::hours(2));
+    EXPECT_TRUE(mentions(read_colmap_model(folder.path()).notes, "not the newer .txt files"));
+}
+
+TEST(ColmapReader, PointsMayLieThereInTheOtherFormAlone) {
+    TempFolder folder;
+    write_model(folder.path(), {TestCamera{}}, {TestImage{}}, {});
+    std::filesystem::remove(folder / "points3D.bin");
+    spit(folder / "points3D.txt", "1 0 0 1 9 9 9 0\n");
+    EXPECT_EQ(read_colmap_model(folder.path()).points.positions.size(), 1u);
 }
 
 TEST(FindColmapModel, PrefersTheModelWithMostImagesAndSaysSo) {
