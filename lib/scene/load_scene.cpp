@@ -9,6 +9,8 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
+#include "lib/core/log.h"
+#include "lib/core/median.h"
 #include "lib/scene/colmap_reader.h"
 #include "lib/scene/common_target.h"
 #include "lib/scene/exif.h"
@@ -16,6 +18,7 @@
 #include "lib/scene/image_files.h"
 #include "lib/scene/procedural.h"
 #include "lib/scene/source_scene.h"
+#include "lib/scene/undistort.h"
 #include "lib/scene/view_builder.h"
 
 namespace gs {
@@ -64,8 +67,8 @@ SourceScene read_source(const fs::path& source, const SceneOptions& options) {
         source.string()));
 }
 
-/// Marks the views whose names a list file holds, one per line, with or without extension. Throws DataError for an
-/// unreadable file or an unknown name.
+/// Marks the views whose names a list file holds, one per line. A name that is none finds the only view that it can
+/// mean, as image names find their files. Throws DataError for an unreadable file or an unknown name.
 std::vector<bool> read_test_list(const std::string& path, const std::vector<SourceView>& views) {
     if (const std::string fault = input_fault(path); !fault.empty())
         throw DataError(fmt::format("test list {}: cannot be read: {}", path, fault));
@@ -73,17 +76,30 @@ std::vector<bool> read_test_list(const std::string& path, const std::vector<Sour
     std::map<std::string, std::size_t> by_name;
     for (std::size_t i = 0; i < views.size(); ++i) by_name.emplace(without_extension(views[i].name), i);
     for (std::size_t i = 0; i < views.size(); ++i) by_name[views[i].name] = i;
+    std::vector<std::string> names;
+    for (const SourceView& view : views) names.push_back(view.name);
+    const NameIndex index(names);
     std::vector<bool> test(views.size());
-    std::size_t number = 0;
+    std::size_t number = 0, elsewhere = 0;
+    std::string first;
     for (std::string line; std::getline(in, line);) {
         ++number;
         line.erase(line.find_last_not_of(" \t\r") + 1);
         if (line.empty() || line[0] == '#') continue;
-        const auto it = by_name.find(line);
-        if (it == by_name.end())
-            throw DataError(fmt::format("test list {}: line {}: no image is named '{}'", path, number, line));
-        test[it->second] = true;
+        if (const auto it = by_name.find(line); it != by_name.end()) {
+            test[it->second] = true;
+            continue;
+        }
+        bool ambiguous = false;
+        const std::optional<NameIndex::Match> match = index.find(line, ambiguous);
+        if (!match)
+            throw DataError(fmt::format("test list {}: line {}: {} '{}'", path, number,
+                                        ambiguous ? "several images could be" : "no image is named", line));
+        test[match->index] = true;
+        if (!match->same_place && elsewhere++ == 0) first = fmt::format("'{}' is {}", line, names[match->index]);
     }
+    if (elsewhere > 0)
+        log_warning("test list {}: {} names were found by their ends (first: {})", path, elsewhere, first);
     return test;
 }
 
@@ -132,6 +148,73 @@ void remove_unreadable(SourceScene& scene, std::vector<bool>& test, bool scores)
     }
     scene.views.resize(kept);
     test.resize(kept);
+}
+
+std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views) {
+    std::vector<Eigen::Vector3d> centers;
+    for (const SourceView& view : views) centers.push_back(-view.rotation.transpose() * view.translation);
+    return centers;
+}
+
+/// Finds the pinhole camera that replaces each lens. Leaves out the views whose lens has none and throws DataError if
+/// no other is left.
+void replace_lenses(SourceScene& scene) {
+    LensCamera lens;  // most scenes have one, whose borders are traced only once
+    Camera pinhole;
+    std::string fault, first;
+    std::size_t usable = 0;
+    const auto is_unusable = [&](SourceView& view) {
+        if (!view.unreadable.empty()) return false;
+        if (view.lens != lens) {
+            lens = view.lens;
+            fault.clear();
+            try {
+                pinhole = undistorted_camera(lens, fmt::format("image '{}'", view.name));
+            } catch (const DataError& error) {
+                fault = error.what();
+            }
+        }
+        view.pinhole = pinhole;
+        usable += fault.empty();
+        if (first.empty()) first = fault;
+        return !fault.empty();
+    };
+    const std::size_t unusable = std::erase_if(scene.views, is_unusable);
+    if (unusable == 0) return;
+    if (usable == 0) throw DataError(first);
+    scene.notes.push_back(
+        fmt::format("{} images are left out because their camera cannot be used (first: {})", unusable, first));
+}
+
+/// Names cameras that stand so far outside of the others that their poses must be wrong.
+void note_far_cameras(const std::vector<SourceView>& views, std::vector<std::string>& notes) {
+    // The farthest camera is at 1.1 to 2.8 median distances in captures of objects, rooms and buildings, and at 2 on a
+    // straight line. Where more than a tenth are far away, they are a second place and no errors.
+    constexpr double kFar = 6, kFewest = 5, kMostShare = 0.1;
+    if (double(views.size()) < kFewest) return;
+    const std::vector<Eigen::Vector3d> centers = camera_centers(views);
+    Eigen::Vector3d middle;
+    for (int axis = 0; axis < 3; ++axis) {
+        std::vector<double> values;
+        for (const Eigen::Vector3d& center : centers) values.push_back(center[axis]);
+        middle[axis] = median(std::move(values));
+    }
+    std::vector<double> distances;
+    for (const Eigen::Vector3d& center : centers) distances.push_back((center - middle).stableNorm());
+    const double usual = median(distances);
+    std::vector<std::string> far;
+    double farthest = 0;
+    for (std::size_t i = 0; i < views.size(); ++i)
+        if (usual > 0 && distances[i] > kFar * usual) {
+            far.push_back(views[i].name);
+            farthest = std::max(farthest, distances[i] / usual);
+        }
+    if (far.empty() || double(far.size()) > std::max(1.0, kMostShare * double(views.size()))) return;
+    notes.push_back(fmt::format(
+        "{} of {} cameras stand far outside of the others, up to {:.3g} times the median distance from their middle "
+        "({}): the size of the scene, and with it the learning rates of positions, follow from them; if the poses are "
+        "wrong, take these images out of the scene",
+        far.size(), views.size(), farthest, listed(far)));
 }
 
 /// Replaces the dataset's camera ids by indices of the devices that took training images.
@@ -183,12 +266,6 @@ void add_masks(const SourceScene& source, std::vector<std::string>& facts) {
     if (first)
         facts.push_back(fmt::format("masks: {} of {} images have one, the first is {}", masks, source.views.size(),
                                     first->mask->path.string()));
-}
-
-std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views) {
-    std::vector<Eigen::Vector3d> centers;
-    for (const SourceView& view : views) centers.push_back(-view.rotation.transpose() * view.translation);
-    return centers;
 }
 
 /// Returns the largest distance of a camera from the cameras' mean; 0 where only rounding tells them apart.
@@ -295,7 +372,9 @@ Scene load_scene(const SceneOptions& options) {
     scene.source = options.source;
     scene.kind = source.kind;
     scene.image_folder = source.image_folder;
+    replace_lenses(source);
     scene.frame = options.frame ? *options.frame : choose_frame(camera_centers(source.views), source.points.positions);
+    note_far_cameras(source.views, source.notes);
     scene.notes = std::move(source.notes);
     scene.facts = std::move(source.facts);
     if (!options.eval && !options.test_list.empty()) scene.notes.push_back("a test list without --eval: ignored");

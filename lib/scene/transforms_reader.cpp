@@ -221,10 +221,46 @@ std::optional<std::vector<std::string>> read_names(const Object& object, const c
     return names;
 }
 
+/// Reads one frame. Returns true if its matrix has a scale.
+bool read_frame(const Object& frame, const Object& file, TransformsFrame& out) {
+    frame.required("file_path");
+    out.file_path = normal_path(*frame.text("file_path"));
+    if (out.file_path.empty() || out.file_path.find('\0') != std::string::npos)
+        frame.fail("file_path", "a file name", *frame.find("file_path"));
+    if (const auto mask = frame.text("mask_path"); mask && !mask->empty()) out.mask_path = normal_path(*mask);
+    out.intrinsics = read_intrinsics(frame, file);
+    return read_pose(frame, out);
+}
+
+/// Puts the words NaN and Infinity, which Python writes though they are no JSON, into quotes. A key that needs a number
+/// then refuses its value by name, instead of the file being refused as a whole.
+std::string quote_non_numbers(const std::string& text) {
+    constexpr std::string_view kWords[] = {"NaN", "-Infinity", "Infinity"};
+    if (std::ranges::none_of(kWords, [&](std::string_view word) { return text.find(word) != std::string::npos; }))
+        return text;
+    std::string out;
+    bool in_string = false;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const std::string_view rest = std::string_view(text).substr(i);
+        const auto word = std::ranges::find_if(kWords, [&](std::string_view w) { return rest.starts_with(w); });
+        if (!in_string && word != std::end(kWords)) {
+            out += fmt::format("\"{}\"", *word);
+            i += word->size() - 1;
+            continue;
+        }
+        if (in_string && text[i] == '\\' && i + 1 < text.size())
+            out += text[i++];
+        else if (text[i] == '"')
+            in_string = !in_string;
+        out += text[i];
+    }
+    return out;
+}
+
 }  // namespace
 
 TransformsFile read_transforms(const fs::path& path) {
-    const std::string text = read_input_text(path);
+    const std::string text = quote_non_numbers(read_input_text(path));
     json root;
     try {
         root = parse_json(text, true);
@@ -237,19 +273,21 @@ TransformsFile read_transforms(const fs::path& path) {
     const Object file(root, path.string());
     const json& frames = file.required("frames");
     if (!frames.is_array()) file.fail("frames", "a list", frames);
-    std::size_t scaled = 0;
+    std::size_t scaled = 0, unusable = 0;
+    std::string first_fault;
     for (std::size_t i = 0; i < frames.size(); ++i) {
-        const Object frame(frames[i], fmt::format("{}: frame {}", path.string(), i));
-        TransformsFrame item;
-        frame.required("file_path");
-        item.file_path = normal_path(*frame.text("file_path"));
-        if (item.file_path.empty() || item.file_path.find('\0') != std::string::npos)
-            frame.fail("file_path", "a file name", *frame.find("file_path"));
-        if (const auto mask = frame.text("mask_path"); mask && !mask->empty()) item.mask_path = normal_path(*mask);
-        item.intrinsics = read_intrinsics(frame, file);
-        scaled += read_pose(frame, item);
-        out.frames.push_back(std::move(item));
+        try {
+            TransformsFrame item;
+            scaled += read_frame({frames[i], fmt::format("{}: frame {}", path.string(), i)}, file, item);
+            out.frames.push_back(std::move(item));
+        } catch (const DataError& error) {
+            if (unusable++ == 0) first_fault = error.what();
+        }
     }
+    if (unusable > 0 && out.frames.empty()) throw DataError(first_fault);
+    if (unusable > 0)
+        out.notes.push_back(fmt::format("{} of {} frames are left out because they cannot be used (first: {})",
+                                        unusable, frames.size(), first_fault));
     if (scaled > 0)
         out.notes.push_back(fmt::format("{}: {} transform_matrix hold a scale: only rotation and position are used",
                                         path.string(), scaled));

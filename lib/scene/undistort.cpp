@@ -18,6 +18,12 @@ using Eigen::Vector2d;
 // Rays steeper than this (84 degrees from the axis) stretch a pinhole image beyond use, so the borders ignore them.
 constexpr double kMaxTangent = 10;
 
+/// Returns whether the model distorts the plane of a pinhole image by a polynomial. Such a lens never sees 180 degrees.
+bool is_radial_polynomial(CameraModel model) {
+    return model == CameraModel::kSimpleRadial || model == CameraModel::kRadial || model == CameraModel::kOpenCV ||
+           model == CameraModel::kFullOpenCV;
+}
+
 /// Returns the position of a source pixel in the pinhole image of the same intrinsics.
 std::optional<Vector2d> trace(const LensCamera& lens, double x, double y) {
     const auto ray = unproject(lens, {x, y});
@@ -110,9 +116,13 @@ Camera undistorted_camera(const LensCamera& lens, const std::string& where) {
     for (const double border : {left, right, top, bottom})
         if (!std::isfinite(border))
             throw DataError(fmt::format(
-                "{}: camera model {} sees nearly 180 degrees or more (no ray within 84 degrees of the axis reaches "
-                "one of the borders); convert the images to a narrower view first",
-                where, camera_model_info(lens.model).name));
+                "{}: no ray within 84 degrees of the axis reaches one of the borders; {}", where,
+                is_radial_polynomial(lens.model)
+                    ? "the distortion folds the image before them: its parameters are damaged"
+                    : fmt::format(
+                          "camera model {} sees nearly 180 degrees or more: convert the images to a narrower view "
+                          "first",
+                          camera_model_info(lens.model).name)));
 
     camera.width = int(std::max(1.0, axis_scale(lens.cx, lens.width, left, right, where) * lens.width));
     camera.height = int(std::max(1.0, axis_scale(lens.cy, lens.height, top, bottom, where) * lens.height));

@@ -61,11 +61,7 @@ std::pair<int, int> ViewBuilder::training_size(int width, int height) {
 }
 
 View ViewBuilder::build(const SourceView& source) {
-    if (source.lens != last_lens_) {
-        last_pinhole_ = undistorted_camera(source.lens, fmt::format("image '{}'", source.name));
-        last_lens_ = source.lens;
-    }
-    Camera camera = last_pinhole_;
+    Camera camera = source.pinhole;
     camera.rotation = source.rotation;
     camera.translation = source.translation;
     const bool distorted = !is_pinhole(source.lens);

@@ -14,7 +14,7 @@ class ViewBuilder {
     /// applied again.
     ViewBuilder(const SceneOptions& options, int prescaled) : options_(options), prescaled_(prescaled) {}
 
-    /// Builds one view. Throws DataError for lenses that no pinhole can replace.
+    /// Builds one view.
     View build(const SourceView& source);
 
     /// Returns one line each about undistortion, and about sizes that the options did not ask for.
@@ -28,8 +28,6 @@ class ViewBuilder {
 
     SceneOptions options_;
     int prescaled_;
-    LensCamera last_lens_;  ///< kept because most scenes have one lens: its borders are traced only once
-    Camera last_pinhole_;
     std::size_t undistorted_ = 0, resized_ = 0, capped_ = 0, kept_small_ = 0;
     std::string undistorted_model_, resized_example_;
     bool has_alpha_ = false;

@@ -90,6 +90,17 @@ TEST(LoadScene, TestListOverridesTheRule) {
     EXPECT_CONTAINS(error_of(options), "cannot be read: No such file");
 }
 
+TEST(LoadScene, NamesInATestListMayDifferInFoldersAndCase) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"left/a.png", "left/b.png", "right/b.png", "c.png"});
+    SceneOptions options = at(folder.path(), true);
+    options.test_list = (folder / "list.txt").string();
+    spit(folder / "list.txt", "/data/images/left/b.PNG\nimages/c.png\n");
+    EXPECT_EQ(names_of(load_scene(options).test), (std::vector<std::string>{"c.png", "left/b.png"}));
+    spit(folder / "list.txt", "b.png\n");
+    EXPECT_CONTAINS(error_of(options), "list.txt: line 1: several images could be 'b.png'");
+}
+
 TEST(LoadScene, TestListMayBeginWithAByteOrderMark) {
     TempFolder folder;
     write_colmap_scene(folder.path(), numbered(4));
@@ -507,6 +518,57 @@ TEST(LoadScene, ACameraForEveryImageIsOneDevice) {
     EXPECT_EQ(scene.num_cameras, 1);
     EXPECT_EQ(scene.train[2].camera_id, 0);
     EXPECT_EQ(scene.test[0].camera_id, 0);
+}
+
+TEST(LoadScene, ALensThatFoldsLeavesOutItsImagesAlone) {
+    TempFolder folder;
+    auto images = row_of_images(numbered(4));
+    images[1].camera_id = 2;
+    for (const TestImage& image : images) write_png(folder / "images" / image.name);
+    write_model(folder / "sparse/0", {TestCamera{}, {2, 2, 16, 12, {10, 8, 6, -1.5}}}, images, {TestPoint{}});
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"a.png", "c.png", "d.png"}));
+    EXPECT_TRUE(
+        mentions(scene.notes, "1 images are left out because their camera cannot be used (first: image 'b.png'"));
+    for (TestImage& image : images) image.camera_id = 2;
+    spit(folder / "sparse/0/images.bin", images_bin(images));
+    EXPECT_CONTAINS(error_of(at(folder.path())), "image 'a.png'");
+}
+
+TEST(LoadScene, AFrameThatCannotBeUsedIsLeftOutAlone) {
+    TempFolder folder;
+    for (const char* name : {"a.png", "b.png", "c.png", "d.png"}) write_png(folder / "images" / name);
+    const std::string good = "\"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+    const std::string bad = "\"transform_matrix\": [[NaN,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+    spit(folder / "transforms.json", R"({"fl_x": 20, "frames": [{"file_path": "images/a.png", )" + good +
+                                         R"(}, {"file_path": "images/b.png", )" + bad +
+                                         R"(}, {"file_path": "images/c.png", "fl_x": NaN, )" + good +
+                                         R"(}, {"file_path": "C:\\shoot\\d.png", )" + good + "}]}");
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"C:/shoot/d.png", "images/a.png"}));
+    EXPECT_TRUE(mentions(scene.notes, "2 of 4 frames are left out because they cannot be used (first: "));
+    EXPECT_TRUE(mentions(scene.notes, "frame 1: key 'transform_matrix' must be"));
+    EXPECT_TRUE(mentions(scene.notes, "found by the end of the name (first: 'C:/shoot/d.png' is images/d.png)"));
+}
+
+TEST(LoadScene, ACameraFarOutsideOfTheOthersIsNamed) {
+    TempFolder folder;
+    const auto names = numbered(12);
+    write_colmap_scene(folder.path(), names);
+    const auto far_note = [&](std::vector<double> distances) {
+        auto images = row_of_images(names);
+        for (std::size_t i = 0; i < distances.size(); ++i) images[i].pose[4] = distances[i];
+        spit(folder / "sparse/0/images.bin", images_bin(images));
+        for (const std::string& note : load_scene(at(folder.path())).notes)
+            if (note.find("far outside of the others") != std::string::npos) return note;
+        return std::string();
+    };
+    EXPECT_EQ(far_note({}), "") << "a straight line";
+    const std::string note = far_note({1000});
+    EXPECT_CONTAINS(note, "1 of 12 cameras stand far outside");
+    EXPECT_CONTAINS(note, "(a.png)");
+    EXPECT_CONTAINS(note, "learning rates");
+    EXPECT_EQ(far_note({5, 5.1, 5.2}), "") << "a second place";
 }
 
 }  // namespace
