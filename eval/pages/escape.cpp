@@ -4,14 +4,16 @@
 
 #include <cstring>
 
+#include "lib/core/utf8.h"
+
 namespace gs {
 namespace {
 
-/// Returns `text` with every character replaced by what `replacement` returns for it; a null pointer keeps the
+/// Returns printable text with every character replaced by what `replacement` returns for it; a null pointer keeps the
 /// character.
 template <class Replacement> std::string replaced(const std::string& text, const Replacement& replacement) {
     std::string out;
-    for (const char c : text) {
+    for (const char c : printable(text)) {
         if (const char* with = replacement(c))
             out += with;
         else
@@ -48,7 +50,7 @@ std::string markdown_escaped(const std::string& text) {
 }
 
 std::string csv_escaped(const std::string& text) {
-    if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
+    if (text.find_first_of(",\"\n\r") == std::string::npos) return printable(text);
     return "\"" + replaced(text, [](char c) { return c == '"' ? "\"\"" : nullptr; }) + "\"";
 }
 

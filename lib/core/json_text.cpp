@@ -4,14 +4,115 @@
 
 #include <fmt/format.h>
 
+#include <charconv>
+#include <iterator>
+#include <optional>
 #include <set>
+#include <string_view>
 #include <vector>
+
+#include "lib/core/utf8.h"
 
 namespace gs {
 namespace {
 
+// The library takes and gives UTF-8 alone. On their way through it, bytes that are none are marked: by a NUL, which no
+// name of a file holds, and two hexadecimal digits. Where there are such marks, a NUL itself is marked as 00.
+
+std::string with_marks(std::string_view bytes) {
+    std::string out;
+    for (std::size_t at = 0; at < bytes.size();) {
+        const std::size_t length = utf8_length(bytes, at);
+        if (length == 0 || bytes[at] == '\0')
+            out += '\0' + fmt::format("{:02x}", static_cast<unsigned char>(bytes[at]));
+        else
+            out += bytes.substr(at, length);
+        at += length == 0 ? 1 : length;
+    }
+    return out;
+}
+
+/// Returns the number of `digits` hexadecimal digits at `at`; nothing if there are none.
+std::optional<unsigned> hexadecimal(std::string_view text, std::size_t at, std::size_t digits) {
+    unsigned value = 0;
+    if (at + digits > text.size()) return std::nullopt;
+    const auto [end, error] = std::from_chars(text.data() + at, text.data() + at + digits, value, 16);
+    return error == std::errc() && end == text.data() + at + digits ? std::optional(value) : std::nullopt;
+}
+
+std::string without_marks(std::string_view marked) {
+    std::string out;
+    for (std::size_t at = 0; at < marked.size(); ++at) {
+        const auto byte = marked[at] == '\0' ? hexadecimal(marked, at + 1, 2) : std::nullopt;
+        out += byte ? char(*byte) : marked[at];
+        if (byte) at += 2;
+    }
+    return out;
+}
+
+/// Applies `change` to all strings and keys.
+template <class Json, class Change> Json with_strings(const Json& json, const Change& change) {
+    if (json.is_string()) return change(json.template get_ref<const std::string&>());
+    if (!json.is_structured()) return json;
+    Json out = json.is_array() ? Json::array() : Json::object();
+    if (json.is_array())
+        for (const Json& element : json) out.push_back(with_strings(element, change));
+    else
+        for (const auto& [key, value] : json.items()) out[change(key)] = with_strings(value, change);
+    return out;
+}
+
+constexpr std::size_t kEscape = 6;  // "\u0000"
+
+/// Returns the code unit of an escape \uXXXX at `at`; nothing if another character or escape stands there.
+std::optional<unsigned> escaped_unit(std::string_view json, std::size_t at) {
+    return json.substr(at, 2) == "\\u" ? hexadecimal(json, at + 2, 4) : std::nullopt;
+}
+
+/// Returns a JSON text with the escapes \udcNN for marks.
+std::string escapes_of_marks(std::string_view json) {
+    std::string out;
+    for (std::size_t at = 0; at < json.size();) {
+        std::size_t length = json[at] == '\\' ? 2 : 1;
+        if (escaped_unit(json, at) == 0u) {
+            const std::string_view digits = json.substr(at + kEscape, 2);
+            out += digits == "00" ? "\\u0000" : fmt::format("\\udc{}", digits);
+            length = kEscape + 2;
+        } else {
+            out += json.substr(at, length);
+        }
+        at += length;
+    }
+    return out;
+}
+
+/// Returns a JSON text with marks for the escapes \udcNN that are no part of a pair; nothing if it has none.
+std::optional<std::string> marks_of_escapes(std::string_view json) {
+    std::string out;
+    bool any = false;
+    for (std::size_t at = 0; at < json.size();) {
+        const std::optional<unsigned> unit = escaped_unit(json, at);
+        std::size_t length = unit ? kEscape : json[at] == '\\' ? 2 : 1;
+        const auto is_low = [](unsigned u) { return u >= 0xDC00 && u <= 0xDFFF; };
+        if (unit && *unit >= 0xD800 && *unit < 0xDC00 && is_low(escaped_unit(json, at + kEscape).value_or(0)))
+            length = 2 * kEscape;
+        const bool is_byte = unit && *unit >= 0xDC80 && *unit <= 0xDCFF;
+        any = any || is_byte;
+        if (is_byte || unit == 0u)
+            out += fmt::format("\\u0000{:02x}", *unit & 0xFF);
+        else
+            out += json.substr(at, length);
+        at += length;
+    }
+    return any ? std::optional(out) : std::nullopt;
+}
+
 template <class Json> std::string text_of(const Json& json, int indent) {
-    return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+    try {
+        return json.dump(indent);
+    } catch (const nlohmann::json::type_error&) {  // a string is not UTF-8
+        return escapes_of_marks(with_strings(json, with_marks).dump(indent));
+    }
 }
 
 /// What is valid JSON but not taken. It is caught where the library's own errors are.
@@ -71,6 +172,9 @@ class Walk {
 };
 
 template <class Json> Json parsed(const std::string& text, bool comments) {
+    if (text.find("\\u") != std::string::npos)
+        if (const auto marked = marks_of_escapes(text))
+            return with_strings(parsed<Json>(*marked, comments), without_marks);
     Walk walk;
     // What is no JSON is left to the parser below, which says where.
     nlohmann::json::sax_parse(text, &walk, nlohmann::json::input_format_t::json, true, comments);

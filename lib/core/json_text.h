@@ -7,8 +7,8 @@
 
 namespace gs {
 
-/// Returns the text of `json`: on one line, or with `indent` spaces a level. Never throws for a text that is not UTF-8
-/// (a file name, say): its bytes are replaced by U+FFFD.
+/// Returns the text of `json`: on one line, or with `indent` spaces a level. A byte 0xNN of a name that is not UTF-8
+/// becomes the escape \udcNN, as Python writes it (surrogateescape). The functions below make it that byte again.
 std::string json_text(const nlohmann::json& json, int indent = -1);
 std::string json_text(const nlohmann::ordered_json& json, int indent = -1);
 

@@ -60,23 +60,40 @@ std::vector<Reading> readings(std::string_view bytes) {
     return found;
 }
 
+std::size_t utf8_length(std::string_view text, std::size_t at) {
+    const unsigned char lead = static_cast<unsigned char>(text[at]);
+    if (lead < 0x80) return 1;
+    if (lead < 0xC2 || lead > 0xF4) return 0;
+    const std::size_t length = lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : 4;
+    if (at + length > text.size()) return 0;
+    // Narrower bounds of the second byte rule out overlong forms, surrogates and what is above U+10FFFF.
+    unsigned char low = lead == 0xE0 ? 0xA0 : lead == 0xF0 ? 0x90 : 0x80;
+    unsigned char high = lead == 0xED ? 0x9F : lead == 0xF4 ? 0x8F : 0xBF;
+    for (std::size_t k = 1; k < length; ++k) {
+        const unsigned char c = static_cast<unsigned char>(text[at + k]);
+        if (c < low || c > high) return 0;
+        low = 0x80, high = 0xBF;
+    }
+    return length;
+}
+
 bool is_utf8(std::string_view text) {
-    for (std::size_t i = 0; i < text.size();) {
-        const unsigned char lead = static_cast<unsigned char>(text[i++]);
-        if (lead < 0x80) continue;
-        if (lead < 0xC2 || lead > 0xF4) return false;
-        const std::size_t following = lead < 0xE0 ? 1 : lead < 0xF0 ? 2 : 3;
-        // Narrower bounds of the second byte rule out overlong forms, surrogates and what is above U+10FFFF.
-        unsigned char low = lead == 0xE0 ? 0xA0 : lead == 0xF0 ? 0x90 : 0x80;
-        unsigned char high = lead == 0xED ? 0x9F : lead == 0xF4 ? 0x8F : 0xBF;
-        for (std::size_t k = 0; k < following; ++k, ++i) {
-            if (i >= text.size()) return false;
-            const unsigned char c = static_cast<unsigned char>(text[i]);
-            if (c < low || c > high) return false;
-            low = 0x80, high = 0xBF;
-        }
+    for (std::size_t at = 0; at < text.size();) {
+        const std::size_t length = utf8_length(text, at);
+        if (length == 0) return false;
+        at += length;
     }
     return true;
+}
+
+std::string printable(std::string_view text) {
+    std::string out;
+    for (std::size_t at = 0; at < text.size();) {
+        const std::size_t length = utf8_length(text, at);
+        out += length == 0 ? std::string_view("\xEF\xBF\xBD") : text.substr(at, length);
+        at += length == 0 ? 1 : length;
+    }
+    return out;
 }
 
 }  // namespace gs

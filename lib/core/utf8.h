@@ -3,6 +3,7 @@
 // those of older archives are often Latin-1 or GBK.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,5 +30,11 @@ struct Reading {
 /// Returns the readings of a text that is not UTF-8 in the encodings that zip archives and older systems use, likely
 /// ones first; nothing for UTF-8.
 std::vector<Reading> readings(std::string_view bytes);
+
+/// Returns the number of bytes of the code point at `at`; 0 if the byte there begins none.
+std::size_t utf8_length(std::string_view text, std::size_t at);
+
+/// Returns `text` to be looked at: U+FFFD for each byte that is no part of UTF-8. Different texts may become the same.
+std::string printable(std::string_view text);
 
 }  // namespace gs

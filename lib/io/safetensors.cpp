@@ -15,6 +15,7 @@
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
+#include "lib/core/utf8.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {
@@ -42,7 +43,9 @@ bool tensor_bytes(Dtype dtype, const std::vector<std::int64_t>& shape, std::uint
 void write_safetensors(const std::filesystem::path& path, std::span<const TensorView> tensors,
                        const std::map<std::string, std::string>& metadata) {
     nlohmann::ordered_json header = nlohmann::ordered_json::object();
-    if (!metadata.empty()) header["__metadata__"] = metadata;
+    // Option texts may hold any byte that a path can hold. The readers of other programs refuse a header with escapes
+    // of single bytes, so here they are replaced.
+    for (const auto& [key, value] : metadata) header["__metadata__"][key] = printable(value);
     std::uint64_t offset = 0;
     std::vector<std::uint64_t> sizes;
     for (const TensorView& t : tensors) {
@@ -56,7 +59,6 @@ void write_safetensors(const std::filesystem::path& path, std::span<const Tensor
         offset += bytes;
         sizes.push_back(bytes);
     }
-    // Option texts may hold any byte that a path can hold. JSON must be UTF-8, so others are replaced.
     std::string text = json_text(header);
     text.resize((text.size() + 7) / 8 * 8, ' ');  // aligned, so that readers can map the file
 

@@ -4,6 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+#include <vector>
+
+#include "lib/core/utf8.h"
+
 namespace gs {
 namespace {
 
@@ -40,6 +45,39 @@ TEST(JsonText, CommentsAreTakenWhereTheyAreAllowed) {
     const std::string text = "{\"a\": 1 // one\n}";
     EXPECT_EQ(parse_json(text, true).at("a"), 1);
     EXPECT_THROW(parse_json(text), nlohmann::json::exception);
+}
+
+TEST(JsonText, NamesThatAreNotUtf8ComeBackByteForByte) {
+    std::string all;
+    for (int c = 1; c < 256; ++c) all += char(c);
+    const std::vector<std::string> names = {"im\xE0",
+                                            "im\xE1",
+                                            "im\xEF\xBF\xBD",
+                                            "caf\xC3\xA9\xE9",
+                                            "\xED\xB3\xA0",
+                                            "\\udce0",
+                                            "\\\xE0",
+                                            std::string("\0e0\xE0", 4),
+                                            all};
+    std::set<std::string> texts;
+    for (const std::string& name : names) {
+        nlohmann::ordered_json json = {{"image", name}, {"list", {1, name}}};
+        json[name] = true;
+        const std::string text = json_text(json, 1);
+        EXPECT_TRUE(is_utf8(text)) << text;
+        texts.insert(text);
+        EXPECT_EQ(try_parse_ordered_json(text), json) << text;
+        EXPECT_EQ(parse_json(text).at("image"), name);
+    }
+    EXPECT_EQ(texts.size(), names.size());
+    EXPECT_EQ(json_text(nlohmann::json("im\xE0")), R"("im\udce0")") << "as Python's json.dumps writes os.fsdecode";
+}
+
+TEST(JsonText, PairsOfSurrogatesStayCharacters) {
+    EXPECT_EQ(parse_json(R"("\ud83d\udc80 \uDCE9")"), "\xF0\x9F\x92\x80 \xE9");
+    EXPECT_EQ(parse_json(R"("\\udce9")"), "\\udce9") << "an escaped backslash begins no escape";
+    EXPECT_THROW(parse_json(R"("\ud83d")"), nlohmann::json::exception);
+    EXPECT_THROW(parse_json(R"({"\udce9": 1, "\udcE9": 2})"), nlohmann::json::exception) << "one key, twice";
 }
 
 }  // namespace
