@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp bench frames`: frame times of finished runs and of generated sets, in one table.
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 
@@ -35,6 +36,8 @@ void bench_frames(const TrainArguments& train, const FramesArguments& arguments)
     std::vector<FrameTimesLine> lines;
     RunChanges of_files{.device = options.device, .point_cloud = options};
     of_files.point_cloud->source = train.combine().source;
+    // Beside point clouds it is theirs; otherwise it is where the runs' scene is now.
+    if (std::none_of(runs.begin(), runs.end(), is_point_cloud)) of_files.source = of_files.point_cloud->source;
     for (const std::string& run : runs)
         lines.push_back(time_run_frames(run, saved_iteration(arguments.iteration), of_files, frames_per_view));
     for (const std::int64_t count : arguments.generate)

@@ -60,9 +60,11 @@ std::vector<Subject> subjects(const EvalArguments& arguments, const RunChanges& 
     return all;
 }
 
-void evaluate(const Subject& subject, std::optional<std::int64_t> iteration, const RunChanges& changes,
+/// Scores a subject. The results of a run on another scene lie in a folder of their own.
+void evaluate(Subject& subject, std::optional<std::int64_t> iteration, const RunChanges& changes,
               const Protocol& protocol, const std::vector<Metric>& metrics, const EvalArguments& arguments) {
     SavedRun run = open_saved_run(subject.run, iteration, changes);
+    if (!run.is_other_scene && arguments.output.empty() && !is_point_cloud(subject.run)) subject.results = subject.run;
     EvalOptions options;
     options.protocol = protocol;
     options.metrics = metrics;
@@ -95,17 +97,18 @@ void run_eval(const EvalArguments& arguments) {
     RunChanges changes = arguments.scene ? arguments.scene->changes(arguments.runs) : RunChanges{};
     changes.device = arguments.metrics.device;
     changes.scores = true;
+    changes.other_scene = true;
     const auto team = join_ranks(arguments.ranks, "eval", fmt::format("{}", fmt::join(arguments.runs, " ")));
     if (team && team->rank() > 0) return follow_sharding(*team, started_as("eval"));
     changes.team = team.get();
     std::vector<TableRow> rows;
     std::optional<WorkFolder> temporary;
-    for (const Subject& subject : subjects(arguments, changes, temporary)) {
+    for (Subject& subject : subjects(arguments, changes, temporary)) {
         if (!arguments.skip_render) evaluate(subject, iteration, changes, protocol, metrics, arguments);
         rows.push_back(read_table_row(subject.results, iteration));
         const bool bare = is_point_cloud(subject.run);
         if (!bare) read_training(rows.back(), subject.run);
-        if (bare || !changes.source.empty() || !arguments.output.empty()) rows.back().run = subject.run;
+        if (bare || subject.results != subject.run || !arguments.output.empty()) rows.back().run = subject.run;
     }
     const auto corrected = std::find_if(rows.begin(), rows.end(),
                                         [&](const TableRow& row) { return row.correction != rows[0].correction; });
@@ -179,8 +182,9 @@ void add_eval_command(CLI::App& app, Command& selected) {
     add_ranks_option(*command, arguments->ranks)->excludes(skip);
     arguments->scene = std::make_shared<SceneArguments>(
         *command,
-        "Score on the test views of this scene: needed for a .ply file; a run is scored on it instead of its own, with "
-        "its other options, and results go to RUN/on-SCENE",
+        "Score on the test views of this scene: needed for a .ply file. A run is scored on it instead of its own, with "
+        "its other options, and results go to RUN/on-SCENE; if its own is gone, and this is the same at another place, "
+        "to RUN",
         DeviceOption::kOfCommand);
     command->callback([arguments, &selected] { selected = [arguments] { run_eval(*arguments); }; });
 }

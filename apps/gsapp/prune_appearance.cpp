@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct PruneArguments {
-    std::string run, output;
+    std::string run, source, output;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     bool json = false;
 };
@@ -29,7 +29,8 @@ void run_prune(const PruneArguments& arguments) {
     if (path_exists(output) && !list_folder(output).empty())
         throw UsageError(fmt::format("{} is not empty; choose another folder with -o", output.string()));
     SavedRun run =
-        open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
+        open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration),
+                       {.source = arguments.source});
     const PruneReport report = prune_run(run, output);
     if (arguments.json) {
         nlohmann::ordered_json json = prune_report_json(report);
@@ -49,6 +50,10 @@ void add_prune_appearance_command(CLI::App& app, Command& selected) {
         "prune-appearance",
         "Take the view-dependent parameters from Gaussians of a finished run where they do not show");
     command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
+    command
+        ->add_option("-s,--source", arguments->source,
+                     "Scene of the run, if it is no longer where it was at the training")
+        ->type_name("SCENE");
     command->add_option("-o,--output", arguments->output, "Folder of the pruned run (default: RUN-pruned)")
         ->type_name("FOLDER");
     command->add_option("--iteration", arguments->iteration, "Saved iteration to prune (default: the last)")

@@ -22,7 +22,7 @@ namespace gs {
 namespace {
 
 struct ViewArguments {
-    std::string target;
+    std::string target, source;
     int port = 8000;
 };
 
@@ -67,12 +67,16 @@ void print_address(const std::string& address) {
 void run_view(const ViewArguments& arguments) {
     require_model_file(arguments.target);
     if (has_to_be_packed(arguments.target)) {
+        if (!arguments.source.empty() && !std::filesystem::is_directory(arguments.target))
+            throw UsageError("--source: a point cloud is shown without photographs; the option goes with a run");
         catch_interrupts();
-        SavedPage page(arguments.target, arguments.port);
+        SavedPage page(arguments.target, arguments.source, arguments.port);
         print_address(page.address());
         page.run();
         return;
     }
+    if (!arguments.source.empty())
+        throw UsageError(fmt::format("--source: '{}' is an export, which has its own photographs", arguments.target));
     const std::string page = page_of(arguments.target);
     FileServer server(arguments.target, arguments.port);
     catch_interrupts();
@@ -91,6 +95,10 @@ void add_view_command(CLI::App& app, Command& selected) {
                      "Folder that gsapp export wrote, run folder (also of a run that is still training), or .ply file")
         ->required()
         ->type_name("DIR|RUN|FILE.ply");
+    command
+        ->add_option("-s,--source", arguments->source,
+                     "Scene of a run, if it is no longer where it was at the training: its photographs are shown")
+        ->type_name("SCENE");
     command->add_option("--port", arguments->port, "Port on 127.0.0.1; 0 takes any free one")
         ->capture_default_str()
         ->check(CLI::Range(0, 65535));

@@ -21,6 +21,7 @@
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/core/process.h"
+#include "lib/core/run_config.h"
 #include "lib/io/atomic_file.h"
 #include "lib/model/run_folder.h"
 #include "lib/model/run_lock.h"
@@ -222,7 +223,7 @@ class CellRunner {
         const TrainOptions& options = cells_[k].options;
         log_info("{}: training in {}{}", name(k), options.model, cuda ? " on GPU " + gpu : "");
         const std::string config = options.model + ".yaml";
-        write_text_atomic(config, options_to_yaml(options));
+        write_text_atomic(config, run_config(options));
         const fs::path program = hooks_.program.empty() ? fs::read_symlink("/proc/self/exe") : hooks_.program;
         std::vector<std::string> command = {
             program.string(), "train",         "--config",

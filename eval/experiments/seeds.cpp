@@ -6,8 +6,10 @@
 
 #include "eval/experiments/cell.h"
 #include "eval/experiments/train_run.h"
+#include "eval/runs/run_scene.h"
 #include "kernels/core/error.h"
 #include "lib/core/log.h"
+#include "lib/train/scene_options.h"
 
 namespace gs {
 
@@ -24,10 +26,12 @@ std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRu
         set_folder(options, fmt::format("{}-{}", base.model, k));
         std::optional<TableRow> row;
         if (!options.overwrite) row = finished_run(options);
-        if (row)
+        if (row) {  // perhaps of a scene that has changed in its place
+            require_run_scene(options.model, options, load_scene(scene_options(options)));
             log_info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
-        else
+        } else {
             row = train(options);
+        }
         if (row) rows.push_back(*row);
     }
     return rows;

@@ -16,8 +16,8 @@ using TrainRun = std::function<std::optional<TableRow>(const TrainOptions&)>;
 
 /// Trains `num_runs` runs with the seeds base.seed, base.seed + 1, ... in the folders <base.model>-0, <base.model>-1,
 /// ... (empty: free ones in output/), and returns their rows. Runs that are finished are not trained again unless
-/// `base.overwrite`. Throws UsageError for `base.resume`, for `--appearance auto` and without `base.eval`, and what
-/// `train` throws.
+/// `base.overwrite`. Throws UsageError for `base.resume`, for `--appearance auto` and without `base.eval`, DataError if
+/// the scene is no longer the one of a finished run, and what `train` throws.
 std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRun& train);
 
 }  // namespace gs

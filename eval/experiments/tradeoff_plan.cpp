@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "eval/runs/run_scene.h"
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
 #include "lib/train/scene_options.h"
@@ -22,6 +23,19 @@ void require_free_folders(const Rounds& rounds) {
                 throw UsageError(
                     fmt::format("{} holds a run of other options ({}); choose another -m FOLDER, or give --overwrite",
                                 configuration.options.model, difference));
+}
+
+/// Throws UsageError if a folder holds a run of another scene than `scene`, which may have changed in its place.
+void require_same_scene(const Rounds& rounds, const Scene& scene) {
+    for (const auto& round : rounds)
+        for (const Configuration& configuration : round) {
+            const TrainOptions& options = configuration.options;
+            if (const std::string difference = difference_to_scene(options.model, options, scene); !difference.empty())
+                throw UsageError(
+                    fmt::format("{}: {} has changed since the run there was trained: {}; choose another -m "
+                                "FOLDER, or give --overwrite",
+                                options.model, options.source, difference));
+        }
 }
 
 /// Says how many configurations have a --cap-max below the scene's `points`; empty where none has.
@@ -52,6 +66,7 @@ TradeoffPlan plan_tradeoff(TrainOptions base, const TradeoffRequest& request) {
         (request.search == SearchKind::kGrid ? plan_grid : plan_halving)(request.axes, base, plan.tradeoff.axes);
     if (!base.overwrite) require_free_folders(plan.rounds);
     const Scene scene = load_scene(scene_options(plan.rounds[0][0].options));
+    if (!base.overwrite) require_same_scene(plan.rounds, scene);
     if (scene.test.empty())
         throw DataError(
             fmt::format("{}: there are no test views to measure quality on ({})", scene.source, scene.split_rule));

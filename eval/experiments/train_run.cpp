@@ -13,6 +13,7 @@
 #include "eval/experiments/plan.h"
 #include "eval/experiments/target_views.h"
 #include "eval/live/live_training.h"
+#include "eval/runs/run_scene.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/training_evaluation.h"
 #include "kernels/core/clock.h"
@@ -28,6 +29,7 @@
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/model/cameras_json.h"
 #include "lib/scene/verify_images.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/rank_training.h"
@@ -215,7 +217,9 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     SceneOptions scene_choices = scene_options(options);
     scene_choices.scores = options.eval;
     if (!options.resume.empty()) scene_choices.frame = checkpoint_frame(options);
-    Scene scene = load_scene(scene_choices);
+    Scene scene = options.resume.empty() ? load_scene(scene_choices)
+                                         : load_run_scene(resumed_run(options), options, scene_choices);
+    std::string cameras = cameras_json(scene);
     Progress progress(progress_style(options.quiet, options.json));
     verify(options, scene, progress);
     std::optional<TargetViews> target;
@@ -237,6 +241,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     std::optional<TensorBoard> tensorboard;  // refused, too, while an earlier run is whole
     if (!options.tensorboard.empty()) tensorboard.emplace(options.tensorboard);
     RunStart start = open_run(options);
+    start.cameras = std::move(cameras);
     if (start.checkpoint) {
         require_same_test_views(*start.checkpoint, scene, options);
         require_same_training_views(*start.checkpoint, options);

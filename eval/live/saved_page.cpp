@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "eval/live/snapshot.h"
+#include "eval/runs/run_scene.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/shown_views.h"
 #include "kernels/core/error.h"
@@ -37,11 +38,12 @@ std::string identity_of(const fs::path& file) {
 
 }  // namespace
 
-SavedPage::SavedPage(fs::path target, std::optional<int> port)
+SavedPage::SavedPage(fs::path target, const std::string& source, std::optional<int> port)
     : target_(std::move(target)), is_run_(fs::is_directory(target_)), folder_(own_temporary_folder() / "page") {
     LivePageFacts facts;
     if (is_run_) {
-        const TrainOptions options = load_run_options(target_);
+        TrainOptions options = load_run_options(target_);
+        if (!source.empty()) options.source = source;
         const auto newest = latest_saved(target_);
         if (!newest && !path_exists(RunFolder{target_}.train_log()))
             throw DataError(fmt::format("{}: the run has saved no model", target_.string()));
@@ -50,7 +52,7 @@ SavedPage::SavedPage(fs::path target, std::optional<int> port)
         SceneOptions scene = scene_options(options);
         if (newest) scene.frame = read_saved_model(target_, newest).frame;
         try {
-            const Scene loaded = load_scene(scene);
+            const Scene loaded = load_run_scene(target_, options, scene);
             views_ = shown_views(loaded);
             are_training_views_ = loaded.test.empty();
             frame_ = loaded.frame;

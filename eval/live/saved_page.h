@@ -15,10 +15,11 @@ namespace gs {
 /// still training is followed: what it saves is shown.
 class SavedPage {
   public:
-    /// `target` is a run folder or a .ply file. Throws DataError for a file that cannot be read and for a run without
-    /// any model that does not train, and what LivePage throws. A scene that cannot be loaded any more is a warning:
-    /// its photographs are missing then.
-    SavedPage(std::filesystem::path target, std::optional<int> port);
+    /// `target` is a run folder or a .ply file, and `source` the place of the run's scene if it is not where the run
+    /// has it. Throws DataError for a file that cannot be read and for a run without any model that does not train, and
+    /// what LivePage throws. A scene that cannot be loaded any more, or is not the run's, is a warning: its photographs
+    /// are missing then.
+    SavedPage(std::filesystem::path target, const std::string& source, std::optional<int> port);
 
     std::string address() const { return page_->address(); }
     /// Returns after Ctrl-C.

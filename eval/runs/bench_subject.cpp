@@ -19,7 +19,7 @@ BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64
     BenchSubject subject{options.source + ", initial points", {}, {}};
     if (trained) {  // read first: a mistake here should not wait for the scene
         SavedModel saved = read_saved_model(options.model, iteration);
-        subject.scene = load_scene_of(saved, scene_options(options));
+        subject.scene = load_scene_of(saved, options);
         subject.model = std::move(saved.state);
         make_trainable(subject.model);  // iterations are measured, too
         subject.model.active_degree = subject.model.appearance.max_degree;

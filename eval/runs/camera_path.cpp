@@ -85,6 +85,8 @@ Camera camera_of_list(const Entry& entry, const Frame& frame) {
     entry.set_size(camera, "width", "height");
     camera.fy = entry.number_within("fy", 0, 1e6);
     camera.fx = entry.object.contains("fx") ? entry.number_within("fx", 0, 1e6) : camera.fy;
+    if (entry.object.contains("cx")) camera.cx = entry.number_within("cx", -1e6, 1e6);
+    if (entry.object.contains("cy")) camera.cy = entry.number_within("cy", -1e6, 1e6);
     Vector3d position = entry.vector("position");
     if (entry.object.contains("offset")) position += entry.vector("offset");
     const json& rows = entry.at("rotation");

@@ -22,8 +22,7 @@ inline constexpr double kLeastFps = 0.01, kMostFps = 1000;
 /// Reads a file in one of three forms, told apart by their content; docs/formats.md has them. Positions are in scene
 /// units; the cameras returned are in the frame. Throws DataError naming file, entry and field.
 ///  - a list as in cameras.json: width, height, position, rotation (3x3, world_from_camera by rows), fy, and fx (fy
-///  when
-///    absent), and an "offset" that is added to the position. The principal point is the middle of the image.
+///    when absent), cx and cy (the middle of the image when absent), and an "offset" that is added to the position.
 ///  - an object as nerfstudio's camera_path.json: render_width, render_height, and a list camera_path of
 ///    camera_to_world (16 numbers by rows; y is up and the camera looks along -z) and fov (vertical, degrees).
 ///  - an object with "frames" as a transforms.json (lib/scene/transforms_reader.h), whose lenses' distortion is left

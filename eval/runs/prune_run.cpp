@@ -10,6 +10,8 @@
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
+#include "lib/core/run_config.h"
+#include "lib/export/pack_scene.h"
 #include "lib/io/atomic_file.h"
 #include "lib/model/ply.h"
 #include "lib/scene/camera_params.h"
@@ -25,7 +27,7 @@ void write_run(const SavedRun& run, const Gaussians& pruned, const fs::path& out
     write_ply(to.point_cloud(run.iteration), pruned, {.iteration = run.iteration, .frame = run.scene.frame});
     TrainOptions options = run.options;
     options.model = output.string();
-    write_text_atomic(to.config(), options_to_yaml(options));
+    write_text_atomic(to.config(), run_config(options));
     write_cfg_args(to, options);
     for (const auto file :
          {&RunFolder::cameras, &RunFolder::input_points, &RunFolder::ppisp, &RunFolder::appearance_choice})
@@ -53,6 +55,7 @@ fs::path pruned_folder(const fs::path& run) {
 
 PruneReport prune_run(SavedRun& run, const fs::path& output) {
     const Gaussians model = run.backend->download(false);
+    require_finite(model);
     std::vector<CameraParams<float>> cameras;
     for (const View& view : run.scene.train) cameras.push_back(camera_params(view.camera));
     PruneReport report{.run = run.folder.string(),

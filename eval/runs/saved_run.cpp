@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "appearance/model_info.h"
+#include "eval/runs/run_scene.h"
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
@@ -112,9 +113,12 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
     return model;
 }
 
-Scene load_scene_of(SavedModel& model, SceneOptions options) {
-    options.frame = model.frame;
-    Scene scene = load_scene(options);
+Scene load_scene_of(SavedModel& model, const TrainOptions& options, const RunChanges& changes) {
+    SceneOptions choices = scene_options(options);
+    choices.scores = changes.scores;
+    choices.frame = model.frame;
+    const bool may_differ = is_point_cloud(options.model) || (changes.other_scene && !changes.source.empty());
+    Scene scene = may_differ ? load_scene(choices) : load_run_scene(options.model, options, choices);
     if (!model.frame) {
         bring_into_frame(model.state, scene.frame);
         model.frame = scene.frame;
@@ -138,9 +142,11 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     if (run.options.source.empty()) {
         run.scene.frame = model.frame.value_or(Frame{});
     } else {
-        SceneOptions scene = scene_options(run.options);
-        scene.scores = instead.scores;
-        run.scene = load_scene_of(model, scene);
+        run.scene = load_scene_of(model, run.options, instead);
+        if (instead.other_scene && !instead.source.empty() && !is_point_cloud(run_folder)) {
+            run.is_other_scene = is_other_scene(run_folder, run.options, run.scene);
+            if (!run.is_other_scene) require_run_scene(run_folder, run.options, run.scene);
+        }
     }
     run.iteration = model.iteration;
     run.correction = model.correction;

@@ -24,6 +24,8 @@ struct SavedRun {
     Scene scene;
     EvalCorrection correction;        ///< the best that the model can do
     Vec3<float> background{0, 0, 0};  ///< colour for evaluation; black where training drew random ones
+    /// Whether `scene` is another one than the run was trained on, as RunChanges::other_scene allows
+    bool is_other_scene = false;
 };
 
 /// A model without its scene and options.
@@ -46,21 +48,23 @@ bool holds_model(const std::filesystem::path& run_folder);
 /// point cloud without a run, which has no iterations: UsageError where one is named.
 SavedModel read_saved_model(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
 
-/// Loads the scene in the frame of the model. A model without one is moved into the scene's own frame. Throws what
-/// load_scene throws.
-Scene load_scene_of(SavedModel& model, SceneOptions options);
-
 /// Values that replace the run's own options where they are not empty.
 struct RunChanges {
     std::string source = {};
     std::optional<Device> device = {};
-    bool scores = false;  ///< SceneOptions::scores
+    bool scores = false;       ///< SceneOptions::scores
+    bool other_scene = false;  ///< whether `source` may be another scene than the run was trained on
     /// The options of point clouds without a run, which are refused where this is empty. `source` and `device` of this
     /// struct count for them, too.
     std::optional<TrainOptions> point_cloud = {};
     RankTeam* team = nullptr;  ///< ranks that hold the model's rows; null: this process alone
     bool needs_scene = true;   ///< whether a point cloud without a run is refused where no source is named
 };
+
+/// Loads the scene that `options` of the run options.model, or of a point cloud, name, in the frame of the model. A
+/// model without one is moved into the scene's own frame. Throws what load_run_scene throws, but nothing for the
+/// scene of a point cloud, or with RunChanges::other_scene the named one, that differs.
+Scene load_scene_of(SavedModel& model, const TrainOptions& options, const RunChanges& changes = {});
 
 /// Returns the options of a run with the changes, those of `instead` for a point cloud without a run. Throws UsageError
 /// for a point cloud that `instead` does not allow, and DataError for a run whose scene is not known.

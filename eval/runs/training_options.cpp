@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "lib/core/options.h"
+#include "lib/core/run_config.h"
 
 namespace gs {
 namespace {
@@ -31,7 +32,8 @@ bool is_immaterial(const Option& option) {
 
 }  // namespace
 
-std::map<std::string, std::string> training_options(const TrainOptions& options) {
+std::map<std::string, std::string> training_options(const TrainOptions& named) {
+    const TrainOptions options = with_absolute_paths(named);
     std::map<std::string, std::string> texts;
     for (const Option& option : train_option_table())
         if (!is_immaterial(option)) texts[option.key] = option_text(option, options);

@@ -10,7 +10,7 @@
 namespace gs {
 
 /// Returns the options that decide what a run becomes, as text by key: all but messages, folders, saving along the way
-/// and the seed. `source` is resolved, so that one scene named in two ways counts as one. Two runs with equal maps
+/// and the seed. Paths are resolved, so that one scene named in two ways counts as one. Two runs with equal maps
 /// differ only by chance.
 std::map<std::string, std::string> training_options(const TrainOptions& options);
 

@@ -115,8 +115,8 @@ inline bool ends_by_iterations(const TrainOptions& options) {
     return options.time_limit.empty() && options.target_psnr == 0;
 }
 
-/// Loads the options of a finished or running run: config.yaml in its folder. Throws DataError when the folder holds no
-/// run.
+/// Loads the options of a run: config.yaml in its folder. Files that are gone are looked for where they were relative
+/// to the run, which may have moved with them (lib/core/run_config.h). Throws DataError if there is no config.yaml.
 TrainOptions load_run_options(const std::filesystem::path& run_folder);
 
 /// Returns the text of docs/options.md.

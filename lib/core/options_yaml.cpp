@@ -162,13 +162,4 @@ std::string options_to_yaml(const TrainOptions& options) {
     return yaml;
 }
 
-TrainOptions load_run_options(const fs::path& run_folder) {
-    const fs::path file = run_folder / "config.yaml";
-    if (!path_exists(file)) {
-        throw DataError(
-            fmt::format("{} is not the output folder of a run: it has no config.yaml", run_folder.string()));
-    }
-    return load_options_yaml(file);
-}
-
 }  // namespace gs

@@ -15,6 +15,7 @@
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
+#include "lib/core/run_config.h"
 #include "lib/core/utf8.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
@@ -253,20 +254,15 @@ std::optional<std::int64_t> latest_saved(const fs::path& run_folder) {
 }
 
 void write_cfg_args(const RunFolder& folder, const TrainOptions& options) {
-    const auto absolute = [](const std::string& path) {
-        std::error_code error;  // without a current folder the path stays as it is
-        const fs::path whole = path.starts_with("builtin:") ? fs::path() : fs::absolute(path, error);
-        return whole.empty() ? path : whole.lexically_normal().string();
-    };
     const auto flag = [](bool value) { return value ? "True" : "False"; };
     write_text_atomic(
         folder.cfg_args(),
         fmt::format("Namespace(data_device='cuda', eval={}, images={}, model_path={}, resolution={}, sh_degree={}, "
                     "source_path={}, white_background={})",
-                    flag(options.eval), quoted(options.images), quoted(absolute(folder.root.string())),
+                    flag(options.eval), quoted(options.images), quoted(absolute_path(folder.root.string())),
                     options.resolution,
                     appearance_model(options.appearance).plain_sh ? appearance_spec(options).max_degree : 0,
-                    quoted(absolute(options.source)), flag(options.background.always(1, 1, 1))));
+                    quoted(absolute_path(options.source)), flag(options.background.always(1, 1, 1))));
 }
 
 void write_input_points(const RunFolder& folder, const PointCloud& points, const Frame& frame) {

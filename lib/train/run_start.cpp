@@ -3,6 +3,7 @@
 #include "lib/train/run_start.h"
 
 #include "lib/core/options.h"
+#include "lib/core/run_config.h"
 #include "lib/io/safetensors.h"
 #include "lib/model/appearance_spec.h"
 
@@ -14,6 +15,10 @@ std::filesystem::path resumed_file(const TrainOptions& options) {
 }
 
 }  // namespace
+
+std::filesystem::path resumed_run(const TrainOptions& options) {
+    return absolute_path(resumed_file(options).parent_path().parent_path().string());
+}
 
 std::string checkpoint_appearance(const TrainOptions& options) {
     return SafetensorsFile(resumed_file(options)).metadata("appearance");
@@ -34,7 +39,7 @@ RunStart open_run(const TrainOptions& options) {
     prepare_run_folder(start.folder, options.overwrite, iteration);
     // The end may come at an earlier iteration than in a part that was trained before.
     const bool may_end_earlier = start.checkpoint && !ends_by_iterations(options);
-    if (options.overwrite || may_end_earlier) replace_earlier_run(start.folder, options_to_yaml(options), iteration);
+    if (options.overwrite || may_end_earlier) replace_earlier_run(start.folder, run_config(options), iteration);
     return start;
 }
 

@@ -25,12 +25,18 @@ struct RunStart {
     std::optional<InitialModel> initial = {};  ///< the model that a new run begins with, if not with points
     /// Keeps other runs out of the folder as long as somebody holds it
     std::shared_ptr<const RunLock> lock = {};
+    /// The text of cameras.json with all views of the scene, also those that are held out for a target or cannot be
+    /// decoded; empty: the views that train and test are all
+    std::string cameras = {};
 };
 
 /// Reads the checkpoint that `resume` names, or the model of `init` (before it may be overwritten), and locks and
 /// prepares the folder `options.model`. Throws DataError, and UsageError also for a checkpoint of another appearance
 /// than the options name; the folder is then unchanged.
 RunStart open_run(const TrainOptions& options);
+
+/// Returns the folder of the run whose checkpoint `resume` names. Throws DataError.
+std::filesystem::path resumed_run(const TrainOptions& options);
 
 /// Returns the frame of the checkpoint that `resume` names. Throws DataError.
 Frame checkpoint_frame(const TrainOptions& options);

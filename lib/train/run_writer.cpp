@@ -6,6 +6,7 @@
 
 #include "kernels/core/clock.h"
 #include "lib/core/options.h"
+#include "lib/core/run_config.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/image.h"
 #include "lib/io/temporary.h"
@@ -33,10 +34,12 @@ void repeat_rows(Gaussians& model, std::int64_t count) {
 
 }  // namespace
 
-RunWriter::RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, const TrainOptions& options,
-                     const Scene& scene, const Photometric& photometric, TensorBoard* tensorboard)
+RunWriter::RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, std::string cameras,
+                     const TrainOptions& options, const Scene& scene, const Photometric& photometric,
+                     TensorBoard* tensorboard)
     : folder_(std::move(folder)),
       lock_(std::move(lock)),
+      cameras_(cameras.empty() ? cameras_json(scene) : std::move(cameras)),
       options_(options),
       scene_(scene),
       photometric_(photometric),
@@ -44,13 +47,13 @@ RunWriter::RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, cons
 
 void RunWriter::write_config() const {
     check_folder();
-    write_text_atomic(folder_.config(), options_to_yaml(options_));
+    write_text_atomic(folder_.config(), run_config(options_));
+    write_cfg_args(folder_, options_);
+    write_text_atomic(folder_.cameras(), cameras_);
 }
 
 void RunWriter::write_start(const PointCloud& first_points) const {
     write_config();
-    write_cfg_args(folder_, options_);
-    write_cameras_json(folder_.cameras(), scene_);
     write_input_points(folder_, first_points, scene_.frame);
 }
 
@@ -82,7 +85,7 @@ void RunWriter::write_checkpoint(Gaussians state, std::int64_t iteration, const 
     gs::write_checkpoint(folder_.checkpoint(iteration), {.state = std::move(state),
                                                          .iteration = iteration,
                                                          .seed = options_.seed,
-                                                         .options_yaml = options_to_yaml(options_),
+                                                         .options_yaml = run_config(options_),
                                                          .test_views = view_digest(scene_.test),
                                                          .frame = scene_.frame,
                                                          .time = time,

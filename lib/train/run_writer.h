@@ -24,10 +24,10 @@ namespace gs {
 /// outlive this one.
 class RunWriter {
   public:
-    /// `lock`, which may be null, is held; nothing is written once its folder is gone. `tensorboard`, which may be
-    /// null, gets the lines of the log and the previews.
-    RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, const TrainOptions& options, const Scene& scene,
-              const Photometric& photometric, TensorBoard* tensorboard);
+    /// `lock`, which may be null, is held; nothing is written once its folder is gone. `cameras` as in RunStart.
+    /// `tensorboard`, which may be null, gets the lines of the log and the previews.
+    RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, std::string cameras, const TrainOptions& options,
+              const Scene& scene, const Photometric& photometric, TensorBoard* tensorboard);
 
     const RunFolder& folder() const { return folder_; }
     /// Throws DataError when the folder was removed or replaced. All other members call it first.
@@ -37,7 +37,7 @@ class RunWriter {
 
     /// Writes the files of a new run before its first step: config.yaml, cfg_args, cameras.json, input.ply.
     void write_start(const PointCloud& first_points) const;
-    /// Writes config.yaml of a resumed run, whose options may have changed.
+    /// Writes config.yaml, cfg_args and cameras.json, also of a resumed run, whose options may have changed.
     void write_config() const;
 
     /// Opens stats/train.jsonl and keeps its lines up to `iteration`; `at_end` as for TrainLog. Must be called before
@@ -84,6 +84,7 @@ class RunWriter {
 
     const RunFolder folder_;
     const std::shared_ptr<const RunLock> lock_;
+    const std::string cameras_;
     const TrainOptions& options_;
     const Scene& scene_;
     const Photometric& photometric_;

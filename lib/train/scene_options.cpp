@@ -37,7 +37,8 @@ SceneOptions scene_options(const TrainOptions& options) {
 }
 
 std::string scene_name(const std::string& source) {
-    return is_builtin(source) ? source.substr(kBuiltin.size()) : scene_folder(source).filename().string();
+    if (!is_builtin(source)) return scene_folder(source).filename().string();
+    return std::filesystem::path(source.substr(kBuiltin.size())).stem().string();  // of a file builtin:FILE.yaml
 }
 
 std::string dataset_name(const std::string& source) {

@@ -13,7 +13,8 @@ namespace gs {
 /// with a stored configuration, evaluation use it, so that both see the same scene.
 SceneOptions scene_options(const TrainOptions& options);
 
-/// Returns the scene's name for folders and tables: the part after "builtin:", or the name of its folder.
+/// Returns the scene's name for folders and tables: that of its folder, or what follows "builtin:" (of a file its
+/// stem).
 std::string scene_name(const std::string& source);
 
 /// Returns the name of the scene's dataset: "builtin", or the name of the folder that contains the scene's folder.

@@ -69,7 +69,8 @@ class Run {
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
           residuals_(options_, appearance_, scene),
-          writer_(std::move(start.folder), std::move(start.lock), options_, scene, photometric_, hooks.tensorboard) {
+          writer_(std::move(start.folder), std::move(start.lock), std::move(start.cameras), options_, scene,
+                  photometric_, hooks.tensorboard) {
         set_num_threads(options.threads);
         composer_.rates().log(options_);
         if (start.checkpoint)

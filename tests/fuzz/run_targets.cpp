@@ -87,6 +87,8 @@ std::vector<Target> run_targets() {
 0, 0, 0, 1], "fov": 50, "aspect": 1.33}]})")};
          },
          [](const std::string& bytes) { read_camera_path(put("cameras.json", bytes), {}); }},
+        {"scene_of_run.json", [] { return std::vector{cameras()}; },
+         [](const std::string& bytes) { read_cameras_json(put("scene_of_run.json", bytes)); }},
         {"results.json",
          [] {
              return std::vector<std::string>{kResults, R"({"ours_30000": {"SSIM": 1, "PSNR": null}})"};

@@ -263,7 +263,11 @@ TEST(CamerasJson, TestViewsFirstWithWorldFromCamera) {
     // centre = -R^T t, rows of R^T
     EXPECT_EQ(json[0]["position"], (std::vector<double>{-3, -1, -2}));
     EXPECT_EQ(json[0]["rotation"], parse_json("[[0,0,1],[1,0,0],[0,1,0]]"));
-    EXPECT_EQ(json[0].size(), 8u);
+    EXPECT_EQ(json[0]["cx"], 0);
+    EXPECT_EQ(json[0]["cy"], 0);
+    EXPECT_EQ(json[0]["split"], "test");
+    EXPECT_EQ(json[1]["split"], "train");
+    EXPECT_EQ(json[0].size(), 11u);
 }
 
 }  // namespace
