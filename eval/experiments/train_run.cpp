@@ -213,7 +213,9 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
                                   RankTeam* team) {
     setup_log(shown_messages(options));
     try_device(options.device);
-    // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
+    if (!options.model.empty()) require_free_folder(options);
+    // Nothing is written before the scene is loaded: with a mistake in it, an earlier run that --overwrite would remove
+    // stays as it is.
     SceneOptions scene_choices = scene_options(options);
     scene_choices.scores = options.eval;
     if (!options.resume.empty()) scene_choices.frame = checkpoint_frame(options);

@@ -122,6 +122,10 @@ Frame read_checkpoint_frame(const std::filesystem::path& path) {
     return frame_of(SafetensorsFile(path), path.string());
 }
 
+std::int64_t read_checkpoint_iteration(const std::filesystem::path& path) {
+    return metadata_number<std::int64_t>(SafetensorsFile(path), path.string(), "iteration");
+}
+
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint) {
     const Gaussians& g = checkpoint.state;
     std::vector<TensorView> tensors;

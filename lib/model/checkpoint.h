@@ -40,8 +40,9 @@ struct Checkpoint {
 /// "ppisp" and, once there are controllers, "controller", each one row and its moments. Everything else is metadata.
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint);
 
-/// Reads the frame of a checkpoint and nothing else. Throws DataError.
+/// Reads the frame, or the iteration, of a checkpoint and nothing else. Throws DataError.
 Frame read_checkpoint_frame(const std::filesystem::path& path);
+std::int64_t read_checkpoint_iteration(const std::filesystem::path& path);
 
 /// Reads a checkpoint bit for bit. Throws DataError naming file, tensor, row or metadata key for a file that is no
 /// checkpoint, is truncated, disagrees with its appearance model, or holds values that are not finite.

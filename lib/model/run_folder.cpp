@@ -134,6 +134,57 @@ std::string quoted(const std::string& text) {
     return out + "'";
 }
 
+/// Returns whether gsapp wrote config.yaml, which then begins with the name of the program.
+bool holds_run(const RunFolder& folder) {
+    constexpr std::string_view kBeginning = "# gsapp ";
+    std::string beginning(kBeginning.size(), '\0');
+    return input_fault(folder.config()).empty() &&
+           open_input(folder.config()).read(beginning.data(), std::streamsize(beginning.size())) &&
+           beginning == kBeginning;
+}
+
+/// Returns whether a run may begin beside this entry of its folder: hidden files, which hold no results, empty ones, as
+/// a shell makes them for messages, and what a run has written that was killed before its config.yaml.
+bool is_of_no_account(const RunFolder& folder, const fs::path& entry) {
+    std::error_code error;
+    const std::string name = entry.filename().string(), log = "gsapp.log";
+    if (name.starts_with('.') || name == log) return true;
+    if (entry == folder.appearance_choice()) return path_exists(folder.root / log);
+    return fs::is_regular_file(entry, error) && fs::file_size(entry, error) == 0 && !error;
+}
+
+/// Returns the first file or folder under a name that a run writes; empty if there is none.
+fs::path taken_name(const RunFolder& folder) {
+    for (const fs::path& path :
+         {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
+          folder.per_view(), folder.ppisp(), folder.train_log(), folder.root / "comparison.png"})
+        if (path_exists(path)) return path;
+    if (path_exists(folder.appearance_choice()) && !is_of_no_account(folder, folder.appearance_choice()))
+        return folder.appearance_choice();
+    for (const auto& found :
+         {point_clouds(folder.root), checkpoints(folder.root), list_numbered(folder.root / "preview", "", ".png"),
+          list_numbered(folder.root / "test", "ours_", ""), list_numbered(folder.root / "train", "ours_", "")})
+        if (!found.empty()) return found.front().path;
+    return {};
+}
+
+/// Throws UsageError for a folder that is no run's, unless it is empty, or `overwrite` and nothing would be replaced.
+void require_own_names(const RunFolder& folder, bool overwrite) {
+    if (!folder_exists(folder.root)) return;
+    if (const fs::path taken = taken_name(folder); !taken.empty())
+        throw UsageError(fmt::format(
+            "the run would replace '{}', which is not of a run of gsapp (its folder has no config.yaml that "
+            "gsapp wrote); --overwrite replaces runs alone: choose another --model folder",
+            taken.string()));
+    if (overwrite) return;
+    for (const fs::path& entry : list_folder(folder.root))
+        if (!is_of_no_account(folder, entry))
+            throw UsageError(
+                fmt::format("the output folder '{}' is not empty and holds no run ('{}' is there); choose "
+                            "another --model folder, or give --overwrite to train beside what is there",
+                            folder.root.string(), entry.filename().string()));
+}
+
 fs::path view_image(const fs::path& root, const std::string& split, std::int64_t iteration, const std::string& kind,
                     int index) {
     return root / split / fmt::format("ours_{}", iteration) / kind / fmt::format("{:05}.png", index);
@@ -166,6 +217,31 @@ fs::path RunFolder::picture_part(const std::string& split, std::int64_t iteratio
     return view_image(root, split, iteration, part, index);
 }
 
+void require_free_run_folder(const RunFolder& folder, bool overwrite, std::optional<std::int64_t> resume_iteration) {
+    const std::int64_t after = resume_iteration.value_or(-1);
+    // A run that was killed may have saved point clouds after its last checkpoint. The resumed run writes them again.
+    const bool own = resume_iteration && path_exists(folder.checkpoint(after));
+    if (!own && !holds_run(folder)) return require_own_names(folder, overwrite);
+    if (overwrite) return;
+    const auto saved = checkpoints(folder.root), clouds = point_clouds(folder.root);
+    std::int64_t latest = saved.empty() ? -1 : saved.back().number;
+    if (!own && !clouds.empty()) latest = std::max(latest, clouds.back().number);
+    if (resume_iteration && latest <= after) return;
+    if (saved.empty() && !resume_iteration)
+        throw UsageError(fmt::format(
+            "the output folder '{}' already holds a run{}, which has no checkpoint to resume; choose another "
+            "--model folder, or give --overwrite to start anew",
+            folder.root.string(), latest >= 0 ? fmt::format(" up to iteration {}", latest) : ""));
+    const std::string holds = fmt::format("a run up to iteration {}", latest);
+    throw UsageError(resume_iteration ? fmt::format("the output folder '{}' holds {}, later than the resumed "
+                                                    "iteration {}; choose another --model folder, or "
+                                                    "give --overwrite to drop the later results",
+                                                    folder.root.string(), holds, after)
+                                      : fmt::format("the output folder '{}' already holds {}; choose another "
+                                                    "--model folder, --resume it, or give --overwrite",
+                                                    folder.root.string(), holds));
+}
+
 void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<std::int64_t> resume_iteration) {
     std::error_code error;
     fs::create_directories(folder.root, error);
@@ -173,29 +249,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
         throw DataError(fmt::format("cannot create the output folder '{}': {}", folder.root.string(), error.message()));
     remove_leftovers_of_runs(folder);
     AtomicFile probe(folder.config());  // never committed; only proves that files can be created here
-
-    const std::int64_t after = resume_iteration.value_or(-1);
-    const auto saved = checkpoints(folder.root), clouds = point_clouds(folder.root);
-    std::int64_t latest = saved.empty() ? -1 : saved.back().number;
-    // A run that was killed may have saved point clouds after its last checkpoint. The resumed run writes them again.
-    const bool own = resume_iteration && path_exists(folder.checkpoint(after));
-    if (!own && !clouds.empty()) latest = std::max(latest, clouds.back().number);
-    const bool conflict = latest > after || (!resume_iteration && path_exists(folder.config()));
-    if (conflict && !overwrite) {
-        if (saved.empty() && !resume_iteration)
-            throw UsageError(fmt::format(
-                "the output folder '{}' already holds a run{}, which has no checkpoint to resume; choose another "
-                "--model folder, or give --overwrite to start anew",
-                folder.root.string(), latest >= 0 ? fmt::format(" up to iteration {}", latest) : ""));
-        const std::string holds = fmt::format("a run up to iteration {}", latest);
-        throw UsageError(resume_iteration ? fmt::format("the output folder '{}' holds {}, later than the resumed "
-                                                        "iteration {}; choose another --model folder, or "
-                                                        "give --overwrite to drop the later results",
-                                                        folder.root.string(), holds, after)
-                                          : fmt::format("the output folder '{}' already holds {}; choose another "
-                                                        "--model folder, --resume it, or give --overwrite",
-                                                        folder.root.string(), holds));
-    }
+    require_free_run_folder(folder, overwrite, resume_iteration);
 }
 
 void replace_earlier_run(const RunFolder& folder, const std::string& config,
@@ -211,18 +265,36 @@ void replace_earlier_run(const RunFolder& folder, const std::string& config,
     remove_if_empty(folder.train_log().parent_path());
 }
 
+namespace {
+
+/// Says why a folder has no checkpoint, and what to do; empty if nothing of a run is there.
+std::string why_no_checkpoint(const fs::path& run_folder) {
+    if (!path_exists(RunFolder{run_folder}.config())) return "";
+    const char* const killed =
+        ": its run ended before the first checkpoint; start it anew with --overwrite in place of --resume";
+    if (point_clouds(run_folder).empty()) return killed;
+    TrainOptions options;
+    try {
+        options = load_run_options(run_folder);
+    } catch (const Error&) {  // not what gsapp wrote
+        return killed;
+    }
+    options.model = run_folder.string();
+    if (!options.time_limit.empty())
+        return ": its run ended before the first checkpoint or is complete, and under a time limit no checkpoint is "
+               "written at the end; train anew with --overwrite in place of --resume";
+    if (ends_by_iterations(options) && ended_at(options))
+        return ": its run is complete, but its checkpoints are gone; train anew with --overwrite, or begin another run "
+               "with its Gaussians (--init)";
+    return killed;
+}
+
+}  // namespace
+
 fs::path latest_checkpoint(const fs::path& run_folder) {
     const auto found = checkpoints(run_folder);
     if (found.empty()) {
-        std::error_code error;
-        const bool begun = fs::exists(RunFolder{run_folder}.config(), error);
-        const char* why = begun ? ": its run ended before the first checkpoint; start it anew with --overwrite in "
-                                  "place of --resume"
-                                : "";
-        if (begun && !point_clouds(run_folder).empty())
-            why =
-                ": its run is complete, and under a time limit no checkpoint is written at the end; train anew with "
-                "another limit and --overwrite";
+        const std::string why = why_no_checkpoint(run_folder);
         throw DataError(fmt::format("'{}' holds no checkpoints/iteration_N.safetensors to resume from{}",
                                     run_folder.string(), why));
     }

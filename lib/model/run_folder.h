@@ -37,13 +37,19 @@ struct RunFolder {
                                        int index) const;
 };
 
-/// Prepares the folder before any work is spent: creates it, proves that files can be written, and protects earlier
-/// results. `resume_iteration` is the iteration from which a resumed run continues; empty for a new run. A folder that
-/// holds a run (config.yaml, a point cloud or a checkpoint) is refused for a new run, and for a resumed run when it
-/// holds checkpoints of a later iteration, or later point clouds without the resumed checkpoint. (Beside it they are of
-/// the same run, killed before its next checkpoint: the resumed run replaces them.) With `overwrite` nothing is
-/// refused. Temporary files of killed runs are removed. Throws UsageError for the refusal, DataError when the folder
-/// cannot be created or written.
+/// Throws UsageError if a run must not begin, or go on, in the folder. Changes nothing. `resume_iteration` is the
+/// iteration from which a resumed run continues; empty for a new run.
+///  - A folder with a run (a config.yaml that gsapp wrote) is refused for a new run, and for a resumed run if it holds
+///    checkpoints of a later iteration, or later point clouds without the resumed checkpoint. (Beside it they are of
+///    the same run, killed before its next checkpoint: the resumed run replaces them.) Not with `overwrite`.
+///  - Another folder is refused if it has anything under a name that a run writes: --overwrite replaces runs, and not
+///    what else somebody keeps there. It is also refused if it is not empty; not with `overwrite`.
+void require_free_run_folder(const RunFolder& folder, bool overwrite,
+                             std::optional<std::int64_t> resume_iteration = std::nullopt);
+
+/// Prepares the folder before any work is spent: creates it, proves that files can be written, removes temporary files
+/// of killed runs, and calls require_free_run_folder. Throws what that throws, and DataError when the folder cannot be
+/// created or written.
 void prepare_run_folder(const RunFolder& folder, bool overwrite,
                         std::optional<std::int64_t> resume_iteration = std::nullopt);
 

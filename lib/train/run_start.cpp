@@ -16,6 +16,12 @@ std::filesystem::path resumed_file(const TrainOptions& options) {
 
 }  // namespace
 
+void require_free_folder(const TrainOptions& options) {
+    std::optional<std::int64_t> iteration;
+    if (!options.resume.empty()) iteration = read_checkpoint_iteration(resumed_file(options));
+    require_free_run_folder({options.model}, options.overwrite, iteration);
+}
+
 std::filesystem::path resumed_run(const TrainOptions& options) {
     return absolute_path(resumed_file(options).parent_path().parent_path().string());
 }

@@ -152,5 +152,53 @@ TEST(RunScene, ChangedInItsPlaceDoesNotMixIntoATradeoff) {
     EXPECT_EQ(program.run(command + " --overwrite").exit_code, 0);
 }
 
+std::string all_bytes(const fs::path& folder) {
+    std::string text;
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) files.push_back(entry.path());
+    std::sort(files.begin(), files.end());
+    for (const fs::path& file : files)
+        text += file.string() + "\n" + (fs::is_regular_file(file) ? test::slurp(file) : "");
+    return text;
+}
+
+TEST(OutputFolder, InsideOfASceneReplacesNothing) {
+    const Program program;
+    std::vector<std::string> images = names(9);
+    images.push_back("comparison.png");
+    test::write_colmap_scene(program.path("scene"), images);
+    program.folder().write("scene/config.yaml", "iterations: 7\n");
+    const std::string before = all_bytes(program.path("scene"));
+    const std::string train = "train -s scene --eval --device cpu --iterations 2 -m ";
+    for (const char* folder : {"scene", "scene/images", "scene/images/", "scene/sparse"}) {
+        const Outcome outcome = program.run(train + folder);
+        EXPECT_EQ(outcome.exit_code, 2) << folder << outcome.err;
+        EXPECT_EQ(all_bytes(program.path("scene")), before) << folder;
+    }
+    for (const char* folder : {"scene", "scene/images"}) {
+        const Outcome outcome = program.run(train + folder + " --overwrite");
+        EXPECT_EQ(outcome.exit_code, 2) << folder << outcome.err;
+        EXPECT_NE(outcome.err.find("--overwrite replaces runs alone"), std::string::npos) << outcome.err;
+        EXPECT_EQ(all_bytes(program.path("scene")), before) << folder;
+    }
+    EXPECT_EQ(program.run(train + "scene/output").exit_code, 0) << "a folder of its own is as good as any";
+    EXPECT_EQ(program.run(train + "scene/output --overwrite").exit_code, 0);
+}
+
+TEST(OutputFolder, IsRefusedBeforeTheSceneIsLoaded) {
+    const Program program;
+    fs::create_directory(program.path("run"));
+    program.folder().write("run/notes.txt", "mine");
+    const Outcome outcome = program.run("train -s nowhere -m run");
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+    EXPECT_NE(outcome.err.find("'run' is not empty and holds no run ('notes.txt' is there)"), std::string::npos)
+        << outcome.err;
+    EXPECT_EQ(program.run("train -s nowhere -m run --overwrite").exit_code, 3);
+    program.folder().write("run/notes.txt", "");
+    EXPECT_EQ(program.run("train -s builtin:diffuse --device cpu -r 8 --iterations 2 -m run 2>run/messages").exit_code,
+              0)
+        << "empty files are the shell's";
+}
+
 }  // namespace
 }  // namespace gs

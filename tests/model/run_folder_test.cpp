@@ -7,6 +7,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/json_text.h"
+#include "lib/core/options.h"
 #include "lib/io/ply_file.h"
 #include "lib/model/cameras_json.h"
 #include "tests/io/file_helpers.h"
@@ -16,6 +17,8 @@ namespace gs::test {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr const char* kConfig = "# gsapp 0.0.1\nseed: 1\n";  // as gsapp begins it
 
 /// Lists the files below `root`: relative, sorted, separated by blanks.
 std::string listing(const fs::path& root) {
@@ -36,6 +39,7 @@ void write_run(const RunFolder& run, std::int64_t iteration) {
           run.picture_part("test", iteration, "base", 3), run.picture_part("test", iteration, "residual", 3)}) {
         spit(path, "x");
     }
+    spit(run.config(), kConfig);
 }
 
 TEST(RunFolder, PathsAreThoseOf3dgs) {
@@ -54,16 +58,42 @@ TEST(RunFolder, NewAndEmptyFoldersAreAccepted) {
     prepare_run_folder(run, false);
     prepare_run_folder(run, false);
     EXPECT_EQ(listing(run.root), "");
-    spit(run.root / "notes.txt", "mine");
+    spit(run.root / "messages.txt", "");
+    spit(run.root / ".hidden", "x");
+    spit(run.root / "gsapp.log", "x");  // of a run that was killed while it looked for a model
+    spit(run.appearance_choice(), "x");
     prepare_run_folder(run, false);
+    prepare_run_folder(run, true);
+}
+
+TEST(RunFolder, FolderWithOtherFilesIsRefusedAndNeverLosesThem) {
+    const TempFolder folder;
+    const RunFolder run{folder / "run"};
+    spit(run.root / "notes.txt", "mine");
+    EXPECT_CONTAINS(message_of<UsageError>([&] { prepare_run_folder(run, false); }), "'notes.txt' is there");
+    prepare_run_folder(run, true);
+    for (const char* file :
+         {"config.yaml", "cfg_args", "cameras.json", "input.ply", "results.json", "per_view.json", "ppisp.json",
+          "auto.json", "comparison.png", "stats/train.jsonl", "point_cloud/iteration_30/point_cloud.ply",
+          "checkpoints/iteration_30.safetensors", "preview/000500.png", "test/ours_30/renders/00001.png"}) {
+        const RunFolder other{folder / std::to_string(std::hash<std::string>()(file))};
+        spit(other.root / file, "mine");
+        for (const bool overwrite : {false, true}) {
+            EXPECT_CONTAINS(message_of<UsageError>([&] { require_free_run_folder(other, overwrite); }),
+                            other.root.string());
+            EXPECT_THROW(prepare_run_folder(other, overwrite), UsageError) << file;
+        }
+        EXPECT_EQ(slurp(other.root / file), "mine");
+    }
 }
 
 TEST(RunFolder, FolderWithARunIsRefused) {
     const TempFolder folder;
     for (const char* file :
-         {"config.yaml", "point_cloud/iteration_30/point_cloud.ply", "checkpoints/iteration_30.safetensors"}) {
+         {"gsapp.log", "point_cloud/iteration_30/point_cloud.ply", "checkpoints/iteration_30.safetensors"}) {
         const RunFolder run{folder / std::to_string(std::hash<std::string>()(file))};
         spit(run.root / file, "x");
+        spit(run.config(), kConfig);
         const std::string before = listing(run.root);
         const std::string message = message_of<UsageError>([&] { prepare_run_folder(run, false); });
         EXPECT_CONTAINS(message, run.root.string());
@@ -113,7 +143,7 @@ TEST(RunFolder, OverwriteOnAFullDiskLeavesTheEarlierRun) {
     });
     EXPECT_EQ(status, 0);
     EXPECT_EQ(listing(run.root), before);
-    EXPECT_EQ(slurp(run.config()), "x");
+    EXPECT_EQ(slurp(run.config()), kConfig);
 }
 
 TEST(RunFolder, LeftoversOfKilledRunsGo) {
@@ -162,14 +192,25 @@ TEST(RunFolder, AKilledRunResumesWhereItHasSavedSinceItsLastCheckpoint) {
     prepare_run_folder(run, false, 30);
     EXPECT_EQ(listing(run.root), before);
     spit(other.point_cloud(40), "x");
+    spit(other.config(), kConfig);
     EXPECT_CONTAINS(message_of<UsageError>([&] { prepare_run_folder(other, false, 30); }), "iteration 40");
 }
 
 TEST(RunFolder, ARunKilledBeforeItsFirstCheckpointIsToBeStartedAnew) {
     const TempFolder folder;
     const RunFolder run{folder / "run"};
-    spit(run.config(), "x");
+    TrainOptions options;
+    options.source = "builtin:diffuse", options.iterations = 100;
+    spit(run.config(), options_to_yaml(options));
     EXPECT_CONTAINS(message_of<DataError>([&] { latest_checkpoint(run.root); }), "--overwrite in place of --resume");
+    spit(run.point_cloud(50), "x");  // of --save-iterations
+    EXPECT_CONTAINS(message_of<DataError>([&] { latest_checkpoint(run.root); }), "ended before the first checkpoint;");
+    spit(run.point_cloud(100), "x");
+    EXPECT_CONTAINS(message_of<DataError>([&] { latest_checkpoint(run.root); }), "its run is complete, but");
+    options.time_limit = "5s";
+    spit(run.config(), options_to_yaml(options));
+    EXPECT_CONTAINS(message_of<DataError>([&] { latest_checkpoint(run.root); }),
+                    "ended before the first checkpoint or is complete");
     const std::string message = message_of<UsageError>([&] { prepare_run_folder(run, false); });
     EXPECT_CONTAINS(message, "--overwrite");
     EXPECT_EQ(message.find("--resume"), std::string::npos) << message;
