@@ -12,7 +12,8 @@
 namespace gs {
 namespace {
 
-/// Returns whether runs of one experiment may differ in this option.
+/// Returns whether runs of one experiment may differ in this option: it changes nothing of the model (to the bit, on
+/// the CPU), or chance alone. `source` is compared by the place that it names.
 bool is_immaterial(const Option& option) {
     static const std::vector<std::string> keys = {"source",
                                                   "model",
@@ -20,7 +21,6 @@ bool is_immaterial(const Option& option) {
                                                   "overwrite",
                                                   "resume",
                                                   "seed",
-                                                  "auto-tolerance",
                                                   "test-iterations",
                                                   "save-iterations",
                                                   "checkpoint-iterations",
