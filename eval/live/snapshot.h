@@ -23,8 +23,8 @@ struct SnapshotFacts {
 };
 
 /// Packs the visible Gaussians and writes them as .ngsplat. A photometric correction has neutral exposure and colour in
-/// every view. Throws NumericError for parameters that are not finite, UsageError for a model that cannot be packed,
-/// and DataError where the file cannot be written.
+/// every view. Throws UsageError for a model that cannot be packed, and DataError for parameters that are not finite
+/// and where the file cannot be written.
 void write_snapshot(const std::filesystem::path& file, const Gaussians& model, const SnapshotFacts& facts);
 
 }  // namespace gs

@@ -45,8 +45,8 @@ struct ExportedModel {
 /// it in the log and in the file. A second run becomes scene-2.ngsplat, levels (coarser_levels) become
 /// scene-level-K.ngsplat. site.json names what lies beside scene.ngsplat, where there is anything, with the PSNR of
 /// each level. Throws UsageError where the output is taken, the two runs have other cameras, or there are no test views
-/// whose photographs could be written; what open_saved_run throws; NumericError for parameters that are not finite;
-/// DataError where a file cannot be read or written; and what turn (lib/export/turn.h) throws.
+/// whose photographs could be written; what open_saved_run throws; DataError for parameters that are not finite and
+/// where a file cannot be read or written; and what turn (lib/export/turn.h) throws.
 std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOptions& site = {});
 
 enum class SplatFormat {

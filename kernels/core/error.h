@@ -13,7 +13,7 @@ enum class ExitCode : int {
     kUsage = 2,         ///< command line or configuration
     kDataset = 3,       ///< input files, and files that cannot be written
     kDevice = 4,        ///< device or memory
-    kNumeric = 5,       ///< non-finite parameters, empty model
+    kNumeric = 5,       ///< a training whose parameters or losses do not stay finite
     kInterrupted = 130  ///< stopped by the user after writing a checkpoint
 };
 

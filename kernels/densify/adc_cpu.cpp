@@ -33,9 +33,10 @@ void split(Gaussians& s, std::int64_t parent, std::int64_t iteration, std::uint6
 }  // namespace
 
 void throw_nothing_left(const AdcParams& params, std::int64_t iteration, std::int64_t before) {
-    throw NumericError("iteration " + std::to_string(iteration) + ": densification pruned all " +
-                       std::to_string(before) + " Gaussians (opacity below " + std::to_string(params.min_opacity) +
-                       " or scale above 0.1 of the scene extent)");
+    throw UsageError("iteration " + std::to_string(iteration) + ": densification pruned all " + std::to_string(before) +
+                     " Gaussians (opacity below " + std::to_string(params.min_opacity) +
+                     " or scale above 0.1 of the scene extent): lower opacity-lr or scaling-lr, and look whether the "
+                     "images show anything");
 }
 
 DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {

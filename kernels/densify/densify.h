@@ -21,7 +21,7 @@ DensifyStats mcmc_densify(Gaussians& state, const McmcParams& params, std::int64
 [[noreturn]] void throw_nothing_left(const AdcParams& params, std::int64_t iteration, std::int64_t before);
 
 /// Clones, splits and prunes by the gathered statistic, which is reset (docs/math/densification.md#adc). Throws
-/// NumericError if nothing is left, unless that is allowed.
+/// UsageError if nothing is left, unless that is allowed.
 DensifyStats adc_densify(Gaussians& state, const AdcParams& params, std::int64_t iteration, std::uint64_t seed);
 
 /// Lowers opacities to 0.01 and zeroes their moments.

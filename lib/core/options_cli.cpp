@@ -202,6 +202,11 @@ void TrainArguments::apply_flags(TrainOptions& options) const {
         if (flag.option == previous)
             throw UsageError(fmt::format("option {} is given twice, in two spellings", flag.option->key));
         previous = flag.option;
+        // The contrary of what was meant would begin a training anew.
+        if (flag.option->key == "resume" && flag.cli->reduced_results() == std::vector<std::string>{""})
+            throw UsageError(
+                "option resume: its value is empty, perhaps a variable of a script that is not set; name a checkpoint "
+                "file, or latest, which --resume alone means as well");
         if (is_switch(*flag.option)) {
             options.*std::get<bool TrainOptions::*>(flag.option->field) = flag.cli->as<bool>();
         } else {

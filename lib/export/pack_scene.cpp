@@ -107,14 +107,13 @@ void require_finite(const Gaussians& g) {
         const auto bad =
             std::find_if(group.param.begin(), group.param.end(), [&](float x) { return !has_meaning(Group(k), x); });
         if (bad != group.param.end())
-            throw NumericError(fmt::format("cannot export: Gaussian {} has {} = {}",
-                                           (bad - group.param.begin()) / group.width, kGroupNames[std::size_t(k)],
-                                           *bad));
+            throw DataError(fmt::format("cannot export: Gaussian {} has {} = {}",
+                                        (bad - group.param.begin()) / group.width, kGroupNames[std::size_t(k)], *bad));
     }
     const auto bad =
         std::find_if(g.shared.param.begin(), g.shared.param.end(), [](float x) { return !gs_isfinite(x); });
     if (bad != g.shared.param.end())
-        throw NumericError(fmt::format("cannot export: shared weight {} is {}", bad - g.shared.param.begin(), *bad));
+        throw DataError(fmt::format("cannot export: shared weight {} is {}", bad - g.shared.param.begin(), *bad));
 }
 
 Gaussians visible_gaussians(const Gaussians& g) {

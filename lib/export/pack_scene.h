@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// Throws NumericError naming group and row of the first parameter without meaning (lib/model/limit_values.h).
+/// Throws DataError naming group and row of the first parameter without meaning (lib/model/limit_values.h).
 void require_finite(const Gaussians& gaussians);
 
 /// Returns the Gaussians that can be visible, in their order: opacity at least 1/255 and a rotation with a direction.

@@ -672,7 +672,9 @@ class Run {
             remove_surplus();
         backend_->morton_sort();
         if (backend_->count() == 0)
-            throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
+            throw UsageError(
+                "after training no Gaussian is visible (all opacities below 1/255): lower opacity-reg or opacity-lr, "
+                "and look whether the images show anything (not one colour, not masked everywhere)");
         writer_.write_point_cloud(*backend_, iteration_);
         if (course_.limits_time()) remove_automatic_checkpoints(writer_.folder(), iteration_ + 1);
         const double controllers_start = seconds_now(), saving_seconds = controllers_start - steps_end;

@@ -4,8 +4,10 @@
 #include <sys/stat.h>
 
 #include <cstdlib>
+#include <fstream>
 
 #include "tests/apps/program.h"
+#include "tests/eval/support/tiny_run.h"
 
 namespace gs {
 namespace {
@@ -111,6 +113,35 @@ TEST(ExitCode, RunFolderThatIsNoneIsADatasetError) {
     const Program program;
     expect_refusal(program, "eval .", 3, "config.yaml");
     expect_refusal(program, "train -m . --resume -s builtin:diffuse", 3, "");
+}
+
+TEST(ExitCode, AnEmptyResumeIsNoNewRun) {
+    const Program program;
+    expect_refusal(program, "train -s builtin:diffuse -m run --resume ''", 2, "option resume: its value is empty");
+    EXPECT_FALSE(std::filesystem::exists(program.path("run")));
+}
+
+/// 5 is for a training alone whose numbers do not stay finite (tests/train/trainer_test.cpp).
+TEST(ExitCode, OptionsThatLeaveNothingToSeeAreUsageErrors) {
+    const Program program;
+    const Outcome outcome = program.run(
+        "train -s builtin:diffuse --device cpu -r 8 --iterations 60 --opacity-lr 10 --opacity-reg 10 -m run");
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+    EXPECT_NE(outcome.err.find("no Gaussian is visible"), std::string::npos) << outcome.err;
+}
+
+TEST(ExitCode, AModelThatIsNotFiniteIsADatasetError) {
+    const Program program;
+    const std::filesystem::path file = program.path("model.ply");
+    write_ply(file, test::one_gaussian(), {});
+    std::fstream last(file, std::ios::in | std::ios::out | std::ios::binary);
+    last.seekp(-4, std::ios::end);
+    last.write("\0\0\xC0\x7F", 4);  // NaN
+    last.close();
+    for (const char* format : {"web", "ply", "splat"}) {
+        const Outcome outcome = program.run(std::string("export model.ply -o site --format ") + format);
+        EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+    }
 }
 
 TEST(ExitCode, CudaIsNotAvailable) {

@@ -147,6 +147,16 @@ TEST(OptionsCli, ResumeAloneMeansLatest) {
     EXPECT_EQ(parse({"here", "-m", "out"}).resume, "");
 }
 
+TEST(OptionsCli, AnEmptyResumeIsRefused) {
+    try {
+        parse({"here", "-m", "out", "--resume", ""});
+        ADD_FAILURE() << "a training would begin anew";
+    } catch (const UsageError& e) {
+        EXPECT_NE(std::string(e.what()).find("option resume: its value is empty"), std::string::npos) << e.what();
+    }
+    EXPECT_EQ(parse({"here", "-m", "out", "--resume="}).resume, "latest") << "as the flag alone";
+}
+
 TEST(OptionsCli, ResumedRunKeepsItsOptionsUnlessFlagsChangeThem) {
     TemporaryFolder folder;
     TrainOptions run;

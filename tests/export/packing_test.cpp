@@ -330,12 +330,12 @@ TEST(PackScene, ValuesThatAreNotFiniteFailTheExport) {
         for (int k = 0; k < kNumGroups; ++k) {
             Gaussians g = good;
             g.groups[k].param.back() = bad;
-            EXPECT_CONTAINS(message_of<NumericError>([&] { require_finite(g); }),
+            EXPECT_CONTAINS(message_of<DataError>([&] { require_finite(g); }),
                             std::string("Gaussian 2 has ") + kGroupNames[std::size_t(k)]);
         }
         Gaussians g = good;
         g.shared.param[7] = bad;
-        EXPECT_CONTAINS(message_of<NumericError>([&] { require_finite(g); }), "shared weight 7");
+        EXPECT_CONTAINS(message_of<DataError>([&] { require_finite(g); }), "shared weight 7");
     }
 }
 

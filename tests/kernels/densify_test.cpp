@@ -298,7 +298,7 @@ TEST(Adc, PrunesTheLargeOnlyWhenAsked) {
 TEST(Adc, EmptyModelIsAnError) {
     Gaussians s = unit_rotations(numbered(3));
     for (float& x : s[Group::kOpacity].param) x = -9;
-    EXPECT_THROW(adc_densify(s, {}, 600, 1), NumericError);
+    EXPECT_THROW(adc_densify(s, {}, 600, 1), UsageError);
 }
 
 TEST(Adc, OpacityResetCapsAtOnePercent) {

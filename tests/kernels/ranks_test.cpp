@@ -375,7 +375,7 @@ TEST(Ranks, CloneAndSplitUpToTheCap) {
             EXPECT_EQ(stats.cloned + stats.split, 50);
             EXPECT_EQ(backend.count(), kRows + 50 - stats.pruned);
             adc.min_opacity = 0.9999f;
-            EXPECT_THROW(backend.densify({adc, 2, 42}), NumericError);
+            EXPECT_THROW(backend.densify({adc, 2, 42}), UsageError);
         });
     }
 }
