@@ -14,6 +14,7 @@
 #include <cstring>
 #include <optional>
 
+#include "kernels/core/descriptor.h"
 #include "kernels/core/error.h"
 
 extern char** environ;
@@ -115,16 +116,6 @@ int wait_for(pid_t pid) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-/// Closes a descriptor at the end of its scope, or earlier on request.
-struct Descriptor {
-    int fd;
-    void close() {
-        if (fd >= 0) ::close(fd);
-        fd = -1;
-    }
-    ~Descriptor() { close(); }
-};
-
 }  // namespace
 
 pid_t start_process(const std::string& program, const std::vector<std::string>& arguments,
@@ -138,8 +129,8 @@ ProcessResult run_process(const std::vector<std::string>& arguments,
     int ends[2];
     if (::pipe2(ends, O_CLOEXEC) != 0)
         throw Error(ExitCode::kUnexpected, fmt::format("cannot make a pipe: {}", std::strerror(errno)));
-    Descriptor input{ends[0]}, output{ends[1]};
-    const pid_t child = start(arguments[0], arguments, merged_environment(environment), output.fd, bool(stop));
+    Descriptor input(ends[0]), output(ends[1]);
+    const pid_t child = start(arguments[0], arguments, merged_environment(environment), output.fd(), bool(stop));
     output.close();
     ProcessResult result;
     try {
@@ -148,7 +139,7 @@ ProcessResult run_process(const std::vector<std::string>& arguments,
             if (result.last_lines.size() > kKeptLines) result.last_lines.erase(result.last_lines.begin());
             on_line(line);
         };
-        read_lines(input.fd, child, keep_line, stop);
+        read_lines(input.fd(), child, keep_line, stop);
     } catch (...) {
         input.close();  // a child that still writes then ends by SIGPIPE instead of waiting for a reader
         wait_for(child);

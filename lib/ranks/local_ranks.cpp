@@ -18,6 +18,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/process.h"
+#include "lib/ranks/secret.h"
 
 namespace gs {
 namespace {
@@ -38,7 +39,7 @@ std::vector<std::string> own_arguments() {
 
 }  // namespace
 
-LocalRanks::LocalRanks(int size, int port) {
+LocalRanks::LocalRanks(int size, int port, const std::string& secret) {
     const std::vector<std::string> arguments = own_arguments();
     const std::string size_text = std::to_string(size);
     for (int rank = 1; rank < size; ++rank) {
@@ -51,6 +52,7 @@ LocalRanks::LocalRanks(int size, int port) {
                                                    {"MASTER_ADDR", "127.0.0.1"},
                                                    {"MASTER_PORT", std::to_string(port)},
                                                    {"TORCHELASTIC_USE_AGENT_STORE", "False"},
+                                                   {kSecretVariable, secret},
                                                    {kParent, std::to_string(::getpid())}})});
     }
 }

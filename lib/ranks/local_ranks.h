@@ -12,9 +12,9 @@ namespace gs {
 
 class LocalRanks {
   public:
-    /// Starts ranks 1 to size-1, which meet rank 0 at `port` of this machine. They get no input, print nothing on
-    /// stdout, and end when this process does. Throws Error when one cannot be started.
-    LocalRanks(int size, int port);
+    /// Starts ranks 1 to size-1, which meet rank 0 at `port` of this machine and know it by `secret`. They get no
+    /// input, print nothing on stdout, and end when this process does. Throws Error when one cannot be started.
+    LocalRanks(int size, int port, const std::string& secret);
     /// Waits for them for some seconds, and then ends them.
     ~LocalRanks();
     LocalRanks(const LocalRanks&) = delete;

@@ -26,6 +26,7 @@
 #include "lib/ranks/local_ranks.h"
 #include "lib/ranks/roster.h"
 #include "lib/ranks/route.h"
+#include "lib/ranks/secret.h"
 
 namespace gs {
 namespace {
@@ -99,7 +100,7 @@ class ExplainingCommunicator final : public Communicator {
 struct RankTeam::Implementation final : MeetingPlace {
     RankPlace place;
     std::optional<Roster> roster;  ///< on rank 0
-    std::optional<RosterServer> server;
+    std::optional<RankPort> port;
     std::optional<LocalRanks> processes;
     std::optional<RosterClient> client;  ///< on the others
     std::mutex mutex;
@@ -214,23 +215,24 @@ std::unique_ptr<RankTeam> RankTeam::join(int local_ranks, const std::string& wor
         throw UsageError(fmt::format("option ranks: {} is not the number of processes that were started, which is {}",
                                      local_ranks, place->size));
     if (!place && local_ranks <= 1) return nullptr;
-    const std::string job = job_of(work, place ? place->size : local_ranks);
+    const Credentials credentials{place ? shared_secret(environment) : random_secret(),
+                                  job_of(work, place ? place->size : local_ranks)};
     auto team = std::make_unique<Implementation>();
     if (!place) {
         team->place = {0, local_ranks, 0, local_ranks, "127.0.0.1", 0};
         team->roster.emplace(local_ranks);
-        team->server.emplace(*team->roster, "127.0.0.1", 0, job);
-        team->processes.emplace(local_ranks, team->server->port());
+        team->port.emplace("127.0.0.1", 0, 0, local_ranks, credentials, answers_of(*team->roster));
+        team->processes.emplace(local_ranks, team->port->port(), credentials.secret);
     } else {
         team->place = *place;
         if (place->rank == 0) {
             team->roster.emplace(place->size);
-            team->server.emplace(*team->roster, "0.0.0.0", place->port, job);
+            team->port.emplace("0.0.0.0", place->port, 0, place->size, credentials, answers_of(*team->roster));
         } else {
             end_with_rank_0();
             // Signals to all processes of a job are for rank 0, which ends the others when it has saved the model.
             for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);
-            team->client.emplace(place->rank, place->master, place->port, job);
+            team->client.emplace(place->rank, place->master, place->port, credentials);
             const std::string failure = team->client->report(host_name(), kLongestWait);
             if (!failure.empty()) throw DeviceError(failure);
         }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the ranks know of each other: values that all see, who was heard of when, and what went wrong first. Rank 0
-// keeps it and serves it over HTTP.
+// keeps it and answers the others at a RankPort.
 #pragma once
 
 #include <condition_variable>
@@ -10,6 +10,8 @@
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "lib/ranks/rank_port.h"
 
 namespace gs {
 
@@ -49,26 +51,15 @@ class Roster {
     std::string failure_;
 };
 
-/// Serves a roster until it is destroyed.
-class RosterServer {
-  public:
-    /// Binds `port` of `address`, or any free one for 0. Ranks of another `job`, which were given the same port, are
-    /// refused. Throws DeviceError if the port is taken.
-    RosterServer(Roster& roster, const std::string& address, int port, const std::string& job = "");
-    ~RosterServer();
-    int port() const;
+/// Answers requests from the roster, which must outlive the port.
+RankPort::Handler answers_of(Roster& roster);
 
-  private:
-    struct Implementation;
-    std::unique_ptr<Implementation> implementation_;
-};
-
-/// The roster as another rank sees it. All functions throw DeviceError when rank 0 cannot be reached, or is of another
-/// `job`.
+/// The roster as another rank sees it. All functions throw DeviceError when rank 0 cannot be reached, is of another job
+/// or has another secret.
 class RosterClient {
   public:
-    RosterClient(int rank, const std::string& master, int port, const std::string& job = "");
-    ~RosterClient();
+    RosterClient(int rank, const std::string& master, int port, const Credentials& credentials)
+        : rank_(rank), address_{0, master, port}, credentials_(credentials) {}
 
     void set(const std::string& key, const std::vector<char>& value);
     /// Waits for the value. Throws DeviceError when something fails first.
@@ -80,8 +71,12 @@ class RosterClient {
     void fail(const std::string& message);
 
   private:
-    struct Implementation;
-    std::unique_ptr<Implementation> implementation_;
+    RankAnswer ask_rank_0(RankRequest::Call call, const std::string& key, const std::string& value,
+                          double patience) const;
+
+    const int rank_;
+    const RankAddress address_;
+    const Credentials credentials_;
 };
 
 }  // namespace gs

@@ -162,6 +162,54 @@ def two_jobs_at_one_port(program, root):
     check(not (root / "job-two").exists(), "nothing is written")
 
 
+class Strangers:
+    """Connections to a port from somebody who does not know the job's secret: idle ones, and such that say something."""
+    WORDS = [b"x", b"\0", bytes(range(256)) * 100, b"GET / HTTP/1.1\r\n\r\n", b"POST /failed HTTP/1.1\r\nGsapp-Job: 0\r\nContent-Length: 1\r\n\r\nx",
+             (16).to_bytes(4, "little") + b"half of a request"]
+
+    def __init__(self, port, idle=40):
+        self.connections = [socket.create_connection(("127.0.0.1", port)) for _ in range(idle)]
+        for words in self.WORDS:
+            for stays in (False, True):
+                connection = socket.create_connection(("127.0.0.1", port))
+                connection.sendall(words)
+                self.connections.append(connection) if stays else connection.close()
+
+
+def listening_ports(pid):
+    """The ports at which a process listens."""
+    sockets = set()
+    for link in pathlib.Path(f"/proc/{pid}/fd").iterdir():
+        try:
+            sockets.add(os.readlink(link))
+        except FileNotFoundError:
+            pass
+    lines = [line.split() for line in pathlib.Path(f"/proc/{pid}/net/tcp").read_text().splitlines()[1:]]
+    return {int(line[1].split(":")[1], 16) for line in lines if line[3] == "0A" and f"socket:[{line[9]}]" in sockets}
+
+
+def strangers(program, root):
+    """What strangers send to the ports of the ranks changes nothing, and a rank without the secret is refused."""
+    port = free_port()
+
+    def start(rank, secret="the secret of this job"):
+        environment = {**os.environ, "RANK": str(rank), "WORLD_SIZE": "3", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port), "GSAPP_RANK_SECRET": secret}
+        return train(program, "-m", root / "strangers", "--iterations", 20, env=environment)
+
+    first = start(0)
+    wait_for("rank 0 listens", lambda: port in listening_ports(first.pid))
+    kept = [Strangers(port)]
+    code, _, err = finish(start(1, "the secret of another"))
+    check(code == 4 and "rank 1 found ranks with another secret" in err and err.count("error:") == 1, code, err)
+    code, _, err = finish(start(1, "guess me"))
+    check(code == 2 and "GSAPP_RANK_SECRET: a secret of 8 characters can be guessed" in err, code, err)
+    second = start(1)
+    wait_for("rank 1 listens", lambda: second.poll() is not None or listening_ports(second.pid))
+    kept.append(Strangers(port))
+    results = [finish(p) for p in (start(2), second, first)]
+    check([code for code, _, _ in results] == [0, 0, 0], results)
+
+
 def started_by_others(program, root):
     """The variables of torchrun; ranks that differ are found before the training."""
     def world(size, *different, local_size=None):
@@ -176,6 +224,7 @@ def started_by_others(program, root):
 
     results = world(2)
     check([code for code, _, _ in results] == [0, 0], results)
+    check((root / "config" / "gsapp" / "rank_secret").stat().st_mode & 0o777 == 0o600, "only its user reads the secret")
     check(results[1][1] == "" and results[1][2] == "", "only rank 0 speaks:", results[1])
     two_jobs_at_one_port(program, root)
     results = world(3, local_size=1)
@@ -205,11 +254,12 @@ def main():
     program = os.path.abspath(sys.argv[1])
     with tempfile.TemporaryDirectory() as name:
         root = pathlib.Path(name)
+        os.environ["XDG_CONFIG_HOME"] = str(root / "config")  # for the secret of ranks that were not given one
         steps_on_several_views(program, root)
         started_by_others(program, root)
         lost_rank(program, root, signal.SIGKILL, "rank 2 was ended by signal 9")
         with concurrent.futures.ThreadPoolExecutor() as pool:  # these mostly wait
-            waits = [pool.submit(lost_rank, program, root, signal.SIGSTOP, "has not been heard of"), pool.submit(stopped_together, program, root),
+            waits = [pool.submit(strangers, program, root), pool.submit(lost_rank, program, root, signal.SIGSTOP, "has not been heard of"), pool.submit(stopped_together, program, root),
                      pool.submit(interrupted, program, root)]
             for wait in waits:
                 wait.result()

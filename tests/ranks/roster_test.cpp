@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values and failures that ranks share over HTTP.
+// Values and failures that ranks share.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -11,12 +11,14 @@
 namespace gs {
 namespace {
 
+const Credentials kJob{"a secret of these tests", "2 ranks: train"};
+
 std::vector<char> bytes(const std::string& text) { return {text.begin(), text.end()}; }
 
 TEST(Roster, ValuesGoBothWays) {
     Roster roster(2);
-    const RosterServer server(roster, "127.0.0.1", 0);
-    RosterClient client(1, "127.0.0.1", server.port());
+    const RankPort server("127.0.0.1", 0, 0, roster.size(), kJob, answers_of(roster));
+    RosterClient client(1, "127.0.0.1", server.port(), kJob);
     EXPECT_EQ(client.report("here", 5), "");
     client.set("a key/with ?&=% signs", bytes(std::string("\0\n\xff", 3)));
     EXPECT_EQ(roster.get("a key/with ?&=% signs", 5), bytes(std::string("\0\n\xff", 3)));
@@ -31,8 +33,8 @@ TEST(Roster, ValuesGoBothWays) {
 
 TEST(Roster, TheFirstFailureIsToldToAll) {
     Roster roster(3);
-    const RosterServer server(roster, "127.0.0.1", 0);
-    RosterClient one(1, "127.0.0.1", server.port()), two(2, "127.0.0.1", server.port());
+    const RankPort server("127.0.0.1", 0, 0, roster.size(), kJob, answers_of(roster));
+    RosterClient one(1, "127.0.0.1", server.port(), kJob), two(2, "127.0.0.1", server.port(), kJob);
     std::thread waits([&] {
         try {
             one.get("never");
@@ -50,28 +52,6 @@ TEST(Roster, TheFirstFailureIsToldToAll) {
     EXPECT_FALSE(roster.get("never", 60));
 }
 
-TEST(Roster, RanksOfAnotherJobDoNotDisturb) {
-    Roster roster(2);
-    const RosterServer server(roster, "127.0.0.1", 0, "one");
-    RosterClient own(1, "127.0.0.1", server.port(), "one"), other(1, "127.0.0.1", server.port(), "two");
-    const auto refused = [](auto&& call) {
-        try {
-            call();
-            ADD_FAILURE() << "it is of another job";
-        } catch (const DeviceError& e) {
-            EXPECT_NE(std::string(e.what()).find("rank 1 found another job at 127.0.0.1 port"), std::string::npos);
-        }
-    };
-    refused([&] { other.report("elsewhere", 5); });
-    refused([&] { other.set("key", bytes("wrong")); });
-    refused([&] { other.get("key"); });
-    refused([&] { other.fail("a failure of the other job"); });
-    EXPECT_EQ(roster.failure(), "");
-    EXPECT_EQ(own.report("here", 5), "");
-    own.set("key", bytes("right"));
-    EXPECT_EQ(own.get("key"), bytes("right"));
-}
-
 TEST(Roster, RanksThatAreHeardOfAreNotLost) {
     Roster roster(2);
     roster.hear_of(1, "here");
@@ -84,12 +64,12 @@ TEST(Roster, NobodyThereIsAnError) {
     int port = 0;
     {
         Roster roster(2);
-        const RosterServer server(roster, "127.0.0.1", 0);
+        const RankPort server("127.0.0.1", 0, 0, roster.size(), kJob, answers_of(roster));
         port = server.port();
-        EXPECT_THROW(RosterServer(roster, "127.0.0.1", server.port()), DeviceError) << "another job has the port";
-        EXPECT_THROW(RosterServer(roster, "192.0.2.1", 0), DeviceError) << "no address of this machine";
+        EXPECT_THROW(RankPort("127.0.0.1", server.port(), 0, 2, kJob), DeviceError) << "another job has the port";
+        EXPECT_THROW(RankPort("192.0.2.1", 0, 0, 2, kJob), DeviceError) << "no address of this machine";
     }
-    RosterClient client(1, "127.0.0.1", port);
+    RosterClient client(1, "127.0.0.1", port, kJob);
     try {
         client.report("here", 0.3);
         FAIL() << "nobody listens";
