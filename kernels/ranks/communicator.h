@@ -19,8 +19,8 @@ namespace gs {
 using Bytes = std::span<std::byte>;
 using ConstBytes = std::span<const std::byte>;
 
-/// What a rank has exchanged with others. Counts what is handed to the connection and what it delivers, without the
-/// headers that TCP, Gloo and NCCL add.
+/// What a rank has exchanged with others. Counts what is handed to the connection and what it delivers, without what
+/// TCP, NCCL and this connection itself add.
 struct Traffic {
     double sent = 0, received = 0;      ///< bytes
     std::int64_t messages = 0;          ///< sent or received

@@ -87,8 +87,7 @@ class Line {
     Line(const RankAddress& address, double seconds) : end_(seconds_now() + seconds) {
         addrinfo hints{}, *found = nullptr;
         hints.ai_socktype = SOCK_STREAM;
-        if (const int error =
-                ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found))
+        if (const int error = ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found))
             throw DeviceError(::gai_strerror(error));
         const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> list(found, &::freeaddrinfo);
         int error = 0;
@@ -184,13 +183,15 @@ RankAnswer ask(const RankAddress& address, const RankRequest& request, const Cre
             reason = e.what();
         }
         if (answer && answer->status == Status::kOtherJob)
-            throw DeviceError(fmt::format("rank {} found another job at {} port {}: two jobs must not have the same "
-                                          "MASTER_PORT there, and all ranks of one the same command",
-                                          request.rank, address.host, address.port));
+            throw DeviceError(
+                fmt::format("rank {} found another job at {} port {}: two jobs must not have the same "
+                            "MASTER_PORT there, and all ranks of one the same command",
+                            request.rank, address.host, address.port));
         if (answer && answer->status == Status::kRefused)
-            throw DeviceError(fmt::format("rank {} found ranks with another secret at {} port {}: all ranks of a job "
-                                          "need the same {}, or the same file ~/.config/gsapp/rank_secret",
-                                          request.rank, address.host, address.port, kSecretVariable));
+            throw DeviceError(
+                fmt::format("rank {} found ranks with another secret at {} port {}: all ranks of a job "
+                            "need the same {}, or the same file ~/.config/gsapp/rank_secret",
+                            request.rank, address.host, address.port, kSecretVariable));
         if (answer) return *answer;
         // A try takes no longer, unless this process was stopped meanwhile.
         spent += std::min(seconds_now() - start, kAnswerSeconds);

@@ -41,12 +41,11 @@ Descriptor listen_at(const std::string& address, int port) {
         return Descriptor();
     }
     const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> list(found, &::freeaddrinfo);
-    Descriptor socket(
-        ::socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, found->ai_protocol));
+    Descriptor socket(::socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, found->ai_protocol));
     const int yes = 1;  // connections of an earlier job may still be fading away
-    if (socket.is_open() && (::setsockopt(socket.fd(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
-                             ::bind(socket.fd(), found->ai_addr, found->ai_addrlen) != 0 ||
-                             ::listen(socket.fd(), SOMAXCONN) != 0)) {
+    if (socket.is_open() &&
+        (::setsockopt(socket.fd(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
+         ::bind(socket.fd(), found->ai_addr, found->ai_addrlen) != 0 || ::listen(socket.fd(), SOMAXCONN) != 0)) {
         const int error = errno;
         socket.close();
         errno = error;
@@ -88,7 +87,8 @@ struct RankPort::Implementation {
             }
             return true;
         }
-        /// Reads no further than to the end of the request. Returns false when the connection is broken, or this is none.
+        /// Reads no further than to the end of the request. Returns false when the connection is broken, or this is
+        /// none.
         bool read() {
             while (const std::size_t missing = AnsweringSide::missing(in)) {
                 const std::size_t before = in.size();
@@ -226,8 +226,8 @@ RankPort::RankPort(const std::string& address, int port, int rank, int size, con
                                       port, address, std::strerror(errno)));
     Descriptor wake(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
     if (!wake.is_open()) throw DeviceError(fmt::format("rank {} cannot listen: {}", rank, std::strerror(errno)));
-    implementation_ = std::make_unique<Implementation>(credentials, std::move(handler), size, std::move(listening),
-                                                       std::move(wake));
+    implementation_ =
+        std::make_unique<Implementation>(credentials, std::move(handler), size, std::move(listening), std::move(wake));
 }
 
 RankPort::~RankPort() {

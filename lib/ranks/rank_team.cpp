@@ -20,8 +20,8 @@
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "kernels/ranks/connect_devices.h"
-#include "kernels/ranks/gloo_communicator.h"
 #include "kernels/ranks/message.h"
+#include "kernels/ranks/socket_communicator.h"
 #include "lib/core/interrupt.h"
 #include "lib/ranks/local_ranks.h"
 #include "lib/ranks/roster.h"
@@ -37,6 +37,8 @@ using std::chrono::milliseconds;
 constexpr milliseconds kLook(100), kReport(1000);
 /// A connection may break before the reason is known: how long an error waits for it.
 constexpr double kWaitForReason = 3;
+/// How long a rank waits for the connection of another until it looks whether something failed.
+constexpr double kLookForRank = 0.1;
 /// How long a rank whose connection was broken off may go on with what it does.
 constexpr milliseconds kMostDelay(10000);
 
@@ -97,10 +99,11 @@ class ExplainingCommunicator final : public Communicator {
 
 }  // namespace
 
-struct RankTeam::Implementation final : MeetingPlace {
+struct RankTeam::Implementation {
     RankPlace place;
+    Credentials credentials;
     std::optional<Roster> roster;  ///< on rank 0
-    std::optional<RankPort> port;
+    std::optional<RankPort> port;  ///< on rank 0 as long as it lives, on others while ranks connect
     std::optional<LocalRanks> processes;
     std::optional<RosterClient> client;  ///< on the others
     std::mutex mutex;
@@ -125,34 +128,57 @@ struct RankTeam::Implementation final : MeetingPlace {
         }
     }
 
-    void set(const std::string& key, const std::vector<char>& value) override {
+    void set(const std::string& key, const std::vector<char>& value) {
         roster ? roster->set(key, value) : client->set(key, value);
     }
-    std::vector<char> get(const std::string& key) override {
+    std::vector<char> get(const std::string& key) {
         if (client) return client->get(key);
         while (true) {
             if (auto value = roster->get(key, 1)) return *value;
-            if (const std::string text = reason(); !text.empty()) throw DeviceError(text);
-            if (interrupted()) throw Interrupted("interrupted before all ranks had come");
+            check_whether_to_wait();
         }
     }
+    void check_whether_to_wait() {
+        if (const std::string text = reason(); !text.empty()) throw DeviceError(text);
+        if (interrupted()) throw Interrupted("interrupted before all ranks had come");
+    }
 
-    /// Returns the address by which the other ranks reach this one. Those on other machines know that of rank 0.
-    std::string own_address() {
-        constexpr const char *kSeen = "gsapp/address of rank 0 seen by ", *kChosen = "gsapp/address of rank 0";
-        const auto text = [](const std::vector<char>& bytes) { return std::string(bytes.begin(), bytes.end()); };
+    /// Returns the address by which the other ranks reach this one, which is not rank 0; an empty text if it is that by
+    /// which they reach rank 0.
+    std::string own_address() const {
         if (place.local_size == place.size) return "127.0.0.1";
-        if (client) {
-            const Route route = route_to(place.master, place.port);
-            const std::string seen = route.is_local() ? "" : route.other;
-            set(kSeen + std::to_string(place.rank), {seen.begin(), seen.end()});
-            return route.is_local() ? text(get(kChosen)) : route.own;
+        const Route route = route_to(place.master, place.port);
+        return route.is_local() ? "" : route.own;
+    }
+
+    /// Returns a connection to each other rank. Each rank is called by those after it: rank 0 at the port where all
+    /// meet, the others at one of their own.
+    std::vector<Descriptor> connect_all() {
+        const auto key = [](int r) { return "gsapp/address of rank " + std::to_string(r); };
+        std::vector<Descriptor> to_rank(std::size_t(place.size));
+        if (place.rank > 0 && place.rank + 1 < place.size) {
+            const std::string host = own_address();
+            port.emplace(host.empty() ? "0.0.0.0" : host, 0, place.rank, place.size, credentials);
+            const std::string address = fmt::format("{} {}", port->port(), host);
+            set(key(place.rank), {address.begin(), address.end()});
         }
-        std::string chosen = "127.0.0.1";  // if all are on this machine
-        for (int r = 1; r < place.size; ++r)
-            if (const std::string seen = text(get(kSeen + std::to_string(r))); !seen.empty()) chosen = seen;
-        set(kChosen, {chosen.begin(), chosen.end()});
-        return chosen;
+        for (int r = 0; r < place.rank; ++r) {
+            RankAddress address{r, place.master, place.port};
+            if (r > 0) {
+                const std::vector<char> text = get(key(r));
+                std::istringstream words(std::string(text.begin(), text.end()));
+                words >> address.port >> address.host;  // which stays that of rank 0 if there is no other
+            }
+            ask(address, {RankRequest::Call::kConnect, place.rank, "", ""}, credentials, kLongestSilence,
+                &to_rank[std::size_t(r)]);
+        }
+        for (int r = place.rank + 1; r < place.size; ++r) {
+            std::optional<Descriptor> connection;
+            while (!(connection = port->take(r, kLookForRank))) check_whether_to_wait();
+            to_rank[std::size_t(r)] = std::move(*connection);
+        }
+        if (place.rank > 0) port.reset();
+        return to_rank;
     }
 
     /// Waits for `time`, or returns true at once when the team ends.
@@ -215,9 +241,9 @@ std::unique_ptr<RankTeam> RankTeam::join(int local_ranks, const std::string& wor
         throw UsageError(fmt::format("option ranks: {} is not the number of processes that were started, which is {}",
                                      local_ranks, place->size));
     if (!place && local_ranks <= 1) return nullptr;
-    const Credentials credentials{place ? shared_secret(environment) : random_secret(),
-                                  job_of(work, place ? place->size : local_ranks)};
     auto team = std::make_unique<Implementation>();
+    const Credentials& credentials = team->credentials = {place ? shared_secret(environment) : random_secret(),
+                                                          job_of(work, place ? place->size : local_ranks)};
     if (!place) {
         team->place = {0, local_ranks, 0, local_ranks, "127.0.0.1", 0};
         team->roster.emplace(local_ranks);
@@ -288,7 +314,7 @@ Communicator& RankTeam::communicator() {
     if (team.communicator) return *team.communicator;
     std::unique_ptr<Communicator> connection;
     try {
-        connection = connect_with_gloo(team, rank(), size(), team.own_address());
+        connection = connect_by_sockets(rank(), team.connect_all());
     } catch (const DeviceError& e) {
         const std::string reason = team.awaited_reason();
         throw DeviceError(reason.empty() ? e.what() : reason);

@@ -35,9 +35,9 @@ std::string trimmed(const std::string& text) {
 std::string checked(const std::string& text, const std::string& where) {
     const std::string secret = trimmed(text);
     if (secret.size() < kLeastCharacters)
-        throw UsageError(fmt::format(
-            "{}: a secret of {} characters can be guessed; 'openssl rand -hex 32' prints one that cannot", where,
-            secret.size()));
+        throw UsageError(
+            fmt::format("{}: a secret of {} characters can be guessed; 'openssl rand -hex 32' prints one that cannot",
+                        where, secret.size()));
     return secret;
 }
 
@@ -52,9 +52,10 @@ std::string read_secret(const fs::path& path) {
     if (status.st_uid != ::geteuid())
         throw UsageError(fmt::format("{}: it belongs to another user, who knows the secret then", path.string()));
     if (status.st_mode & 077)
-        throw UsageError(fmt::format("{}: other users may read or write it (mode {:o}), so it holds no secret; delete "
-                                     "it, and gsapp makes another",
-                                     path.string(), status.st_mode & 0777));
+        throw UsageError(
+            fmt::format("{}: other users may read or write it (mode {:o}), so it holds no secret; delete "
+                        "it, and gsapp makes another",
+                        path.string(), status.st_mode & 0777));
     std::string text(kMostCharacters, '\0');
     const ssize_t size = ::read(file.fd(), text.data(), text.size());
     if (size < 0) throw UsageError(fmt::format("{}: cannot be read: {}", path.string(), std::strerror(errno)));
@@ -97,8 +98,8 @@ std::string shared_secret(const Environment& variable) {
     if (const char* value = variable(kSecretVariable))
         return checked(value, fmt::format("environment variable {}", kSecretVariable));
     const char *config = variable("XDG_CONFIG_HOME"), *home = variable("HOME");
-    const std::string advice = fmt::format(
-        "set {} to the same secret for all ranks ('openssl rand -hex 32' prints one)", kSecretVariable);
+    const std::string advice =
+        fmt::format("set {} to the same secret for all ranks ('openssl rand -hex 32' prints one)", kSecretVariable);
     if (!(config && *config) && !(home && *home))
         throw UsageError(fmt::format("the ranks have no secret, and there is no HOME to keep one in: {}", advice));
     const fs::path path = (config && *config ? fs::path(config) : fs::path(home) / ".config") / "gsapp" / "rank_secret";

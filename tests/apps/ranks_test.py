@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several ranks train one model with Gloo on the CPU, resume in other numbers, and end together when one is lost.
+"""Several ranks train one model on the CPU, resume in other numbers, and end together when one is lost.
 
 Usage: ranks_test.py PROGRAM
 """
@@ -205,7 +205,7 @@ def strangers(program, root):
     check(code == 2 and "GSAPP_RANK_SECRET: a secret of 8 characters can be guessed" in err, code, err)
     second = start(1)
     wait_for("rank 1 listens", lambda: second.poll() is not None or listening_ports(second.pid))
-    kept.append(Strangers(port))
+    kept += [Strangers(at) for at in [port, *listening_ports(second.pid)]]
     results = [finish(p) for p in (start(2), second, first)]
     check([code for code, _, _ in results] == [0, 0, 0], results)
 

@@ -1,36 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ranks as threads of one process, connected through Gloo like processes.
+// Ranks as threads of one process, connected by sockets like processes.
 #pragma once
 
-#include <condition_variable>
-#include <map>
-#include <mutex>
+#include <sys/socket.h>
+
+#include <stdexcept>
 #include <thread>
 
-#include "kernels/ranks/gloo_communicator.h"
 #include "kernels/ranks/ranked_backend.h"
+#include "kernels/ranks/socket_communicator.h"
 
 namespace gs::test {
 
-/// A meeting place in memory.
-class TableOfValues final : public MeetingPlace {
-  public:
-    void set(const std::string& key, const std::vector<char>& value) override {
-        const std::lock_guard lock(mutex_);
-        values_[key] = value;
-        changed_.notify_all();
-    }
-    std::vector<char> get(const std::string& key) override {
-        std::unique_lock lock(mutex_);
-        changed_.wait(lock, [&] { return values_.contains(key); });
-        return values_[key];
-    }
-
-  private:
-    std::mutex mutex_;
-    std::condition_variable changed_;
-    std::map<std::string, std::vector<char>> values_;
-};
+/// Returns a socket of each of `size` ranks to each other.
+inline std::vector<std::vector<Descriptor>> sockets_between(int size) {
+    std::vector<std::vector<Descriptor>> sockets;
+    sockets.resize(std::size_t(size));
+    for (auto& of_rank : sockets) of_rank.resize(sockets.size());
+    for (std::size_t a = 0; a < sockets.size(); ++a)
+        for (std::size_t b = 0; b < a; ++b) {
+            int ends[2];
+            if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) throw std::runtime_error("no sockets");
+            sockets[a][b] = Descriptor(ends[0]), sockets[b][a] = Descriptor(ends[1]);
+        }
+    return sockets;
+}
 
 /// Calls run(communicator) on `size` ranks at once; a single one needs no connection. Exceptions of rank 0 are
 /// rethrown, when the other ranks have ended.
@@ -39,13 +33,13 @@ template <class Fn> void on_ranks(int size, Fn&& run) {
         SingleRank one;
         return run(one);
     }
-    TableOfValues place;
+    auto sockets = sockets_between(size);
     std::exception_ptr error;
     std::vector<std::thread> threads;
     for (int rank = 0; rank < size; ++rank)
         threads.emplace_back([&, rank] {
             try {
-                const auto ranks = connect_with_gloo(place, rank, size, "127.0.0.1");
+                const auto ranks = connect_by_sockets(rank, std::move(sockets[std::size_t(rank)]));
                 run(*ranks);
             } catch (...) {
                 if (rank == 0) error = std::current_exception();

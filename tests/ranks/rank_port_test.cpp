@@ -210,9 +210,8 @@ TEST_F(RankPortTest, ARecordedRequestIsWorthNothing) {
     EXPECT_EQ(replays.read(1000).substr(40), std::string(1, char(Status::kRefused)));
     EXPECT_EQ(roster.get("key", 0), std::vector<char>{'2'});
     // Nor is a recorded answer.
-    std::thread asks_again([&] {
-        EXPECT_THROW(RosterClient(1, "127.0.0.1", between.port(), kJob).set("key", {'1'}), DeviceError);
-    });
+    std::thread asks_again(
+        [&] { EXPECT_THROW(RosterClient(1, "127.0.0.1", between.port(), kJob).set("key", {'1'}), DeviceError); });
     between.accept().send(of_rank_0);
     asks_again.join();
 }

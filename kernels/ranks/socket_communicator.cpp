@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sends and receives on all sockets at once, in the thread that exchanges.
+#include "kernels/ranks/socket_communicator.h"
+
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+using Size = std::uint64_t;
+
+/// An array on its way with its size before it, in one direction.
+class Passage {
+  public:
+    Passage(std::byte* data, std::size_t bytes) : data_(data), size_(bytes), header_(bytes), left_(bytes) {
+        if (bytes > 0) left_ += sizeof header_;
+    }
+    bool is_done() const { return left_ == 0; }
+    /// Returns whether the size has passed, and is that of the array.
+    bool has_size() const { return left_ <= size_; }
+    bool has_right_size() const { return header_ == size_; }
+    Size header() const { return header_; }
+    /// Calls move(message), which returns how many bytes it moved, negative with errno for none.
+    template <class Move> ssize_t go_on(Move&& move) {
+        const std::size_t header_left = left_ > size_ ? left_ - size_ : 0, data_left = left_ - header_left;
+        std::array<iovec, 2> parts{{{reinterpret_cast<std::byte*>(&header_) + sizeof header_ - header_left, header_left},
+                                    {data_ + size_ - data_left, data_left}}};
+        msghdr message{};
+        message.msg_iov = parts.data(), message.msg_iovlen = parts.size();
+        const ssize_t moved = move(message);
+        if (moved > 0) left_ -= std::size_t(moved);
+        return moved;
+    }
+
+  private:
+    std::byte* data_;
+    Size size_, header_;
+    std::size_t left_;  ///< bytes, of both
+};
+
+class SocketCommunicator final : public Communicator {
+  public:
+    SocketCommunicator(int rank, std::vector<Descriptor> to_rank)
+        : Communicator(rank, int(to_rank.size())),
+          to_rank_(std::move(to_rank)),
+          wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+        if (!wake_.is_open()) throw DeviceError(std::string("cannot connect the ranks: ") + std::strerror(errno));
+        // Many messages are short, and a machine that is gone does not say so. On sockets of a machine of its own
+        // neither has an effect.
+        const int yes = 1;
+        for (const Descriptor& socket : to_rank_) {
+            ::setsockopt(socket.fd(), IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+            ::setsockopt(socket.fd(), SOL_SOCKET, SO_KEEPALIVE, &yes, sizeof yes);
+        }
+    }
+
+  private:
+    void break_off() override {
+        aborted_ = true;
+        ::eventfd_write(wake_.fd(), 1);  // is never read, so that all later waits end, too
+    }
+
+    void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
+        const auto self = std::size_t(rank());
+        if (!out[self].empty() && !in[self].empty()) std::memcpy(in[self].data(), out[self].data(), in[self].size());
+        std::vector<Passage> sends, receives;
+        for (std::size_t r = 0; r < out.size(); ++r) {
+            // Nothing is written to what is sent.
+            sends.emplace_back(const_cast<std::byte*>(out[r].data()), r == self ? 0 : out[r].size());
+            receives.emplace_back(in[r].data(), r == self ? 0 : in[r].size());
+        }
+        std::vector<pollfd> waits;
+        std::vector<short> ready(out.size(), POLLIN | POLLOUT);
+        while (true) {
+            if (aborted_) throw DeviceError("the connection to the other ranks was ended");
+            waits.assign(1, {wake_.fd(), POLLIN, 0});
+            for (std::size_t r = 0; r < out.size(); ++r) {
+                if (!sends[r].is_done() && ready[r] & ~POLLIN) send(r, sends[r]);
+                if (!receives[r].is_done() && ready[r] & ~POLLOUT) receive(r, receives[r]);
+                const int events = (sends[r].is_done() ? 0 : POLLOUT) | (receives[r].is_done() ? 0 : POLLIN);
+                waits.push_back({events ? to_rank_[r].fd() : -1, short(events), 0});
+            }
+            const auto is_done = [](const Passage& passage) { return passage.is_done(); };
+            if (std::all_of(sends.begin(), sends.end(), is_done) &&
+                std::all_of(receives.begin(), receives.end(), is_done))
+                return;
+            ::poll(waits.data(), waits.size(), -1);
+            for (std::size_t r = 0; r < out.size(); ++r) ready[r] = waits[r + 1].revents;
+        }
+    }
+
+    void send(std::size_t to, Passage& passage) {
+        const ssize_t sent = passage.go_on([&](const msghdr& message) {
+            return ::sendmsg(to_rank_[to].fd(), &message, MSG_NOSIGNAL | MSG_DONTWAIT);
+        });
+        if (sent < 0) check(to);
+    }
+    void receive(std::size_t from, Passage& passage) {
+        const ssize_t received = passage.go_on(
+            [&](msghdr& message) { return ::recvmsg(to_rank_[from].fd(), &message, MSG_DONTWAIT); });
+        if (received < 0) check(from);
+        if (received == 0) throw DeviceError("rank " + std::to_string(from) + " has closed the connection");
+        if (passage.has_size() && !passage.has_right_size())
+            throw DeviceError("rank " + std::to_string(from) + " has sent " + std::to_string(passage.header()) +
+                              " bytes, which are not what was expected");
+    }
+    /// Throws unless errno says that a later try may succeed.
+    void check(std::size_t other) const {
+        if (errno != EAGAIN && errno != EINTR)
+            throw DeviceError("the connection to rank " + std::to_string(other) + " is lost: " + std::strerror(errno));
+    }
+
+    const std::vector<Descriptor> to_rank_;
+    const Descriptor wake_;
+    std::atomic<bool> aborted_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Communicator> connect_by_sockets(int rank, std::vector<Descriptor> to_rank) {
+    return std::make_unique<SocketCommunicator>(rank, std::move(to_rank));
+}
+
+}  // namespace gs
