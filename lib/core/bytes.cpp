@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parses byte sizes as users write them: "4GiB", "500 MB", "123456".
+// Parses byte sizes as users write them: "4GiB", "500 MB".
 #include "lib/core/bytes.h"
 
 #include <fmt/format.h>
@@ -21,6 +21,7 @@ std::uint64_t parse_bytes(std::string_view text) {
     while (!rest.empty() && std::isspace(static_cast<unsigned char>(rest.front()))) rest.remove_prefix(1);
     while (!rest.empty() && std::isspace(static_cast<unsigned char>(rest.back()))) rest.remove_suffix(1);
 
+    const std::string_view trimmed = rest;
     double number = 0;
     const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), number, std::chars_format::fixed);
     if (error != std::errc()) throw fail("does not start with a number");
@@ -33,6 +34,8 @@ std::uint64_t parse_bytes(std::string_view text) {
             unit += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
 
     double factor = 1;
+    if (unit.empty() && number > 0)
+        throw UsageError(fmt::format("byte size '{0}': {0} of what? Write {0}GiB, {0}MB or {0}B", trimmed));
     if (!unit.empty() && unit != "b") {
         const std::size_t power = std::string_view("kmgt").find(unit[0]);
         const std::string_view suffix = std::string_view(unit).substr(1);

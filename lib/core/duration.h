@@ -6,8 +6,8 @@
 
 namespace gs {
 
-/// Returns the seconds of a positive number with unit ms, s, m, min or h, of several such in a row ("1h30m"), or of one
-/// number alone (seconds). Throws UsageError naming `where` and the text for anything else, and for more than a year.
+/// Returns the seconds of a positive number with unit ms, s, m, min or h, or of several such in a row ("1h30m"). Throws
+/// UsageError naming `where` and the text for anything else, and for more than a year.
 double parse_duration(const std::string& text, const std::string& where);
 
 /// Formats seconds: "3.2 s", "12 min 05 s", "2 h 40 min".

@@ -103,8 +103,9 @@ TEST(Train, LimitsArePlannedAndReported) {
     EXPECT_LE(std::filesystem::file_size(program.path("run/point_cloud/iteration_" + iteration + "/point_cloud.ply")),
               200000u);
     EXPECT_EQ(program.run("eval run --skip-render").exit_code, 0);
-    for (const char* wrong : {"--time-limit 0", "--time-limit soon", "--time-limit -5s", "--time-limit 0.001s",
-                              "--size-limit 10", "--size-limit -1MB", "--preset fast --time-limit 5s"}) {
+    for (const char* wrong :
+         {"--time-limit 0", "--time-limit soon", "--time-limit -5s", "--time-limit 5", "--time-limit 0.001s",
+          "--size-limit 10", "--size-limit -1MB", "--preset fast --time-limit 5s"}) {
         const Outcome refused = program.run(common + "-m other " + wrong);
         EXPECT_EQ(refused.exit_code, 2) << wrong << refused.err;
         EXPECT_FALSE(std::filesystem::exists(program.path("other/point_cloud"))) << wrong;

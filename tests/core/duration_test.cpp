@@ -15,7 +15,6 @@ TEST(Duration, ReadsNumbersWithUnits) {
     EXPECT_EQ(parse_duration("20min", "x"), 1200);
     EXPECT_EQ(parse_duration("1h30m", "x"), 5400);
     EXPECT_EQ(parse_duration("0.5h", "x"), 1800);
-    EXPECT_EQ(parse_duration("45", "x"), 45);
 }
 
 TEST(Duration, NamesPlaceAndTextOfAnythingElse) {
@@ -28,6 +27,15 @@ TEST(Duration, NamesPlaceAndTextOfAnythingElse) {
             EXPECT_NE(std::string(e.what()).find("--time-limit: '" + std::string(text) + "'"), std::string::npos)
                 << e.what();
         }
+    }
+}
+
+TEST(Duration, ANumberWithoutAUnitIsAskedForOne) {
+    try {
+        parse_duration("5", "option time-limit");
+        ADD_FAILURE() << "5 was accepted";
+    } catch (const UsageError& e) {
+        EXPECT_STREQ(e.what(), "option time-limit: 5 of what? Write 5ms, 5s, 5m or 5h");
     }
 }
 

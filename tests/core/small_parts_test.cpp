@@ -23,9 +23,9 @@ TEST(Bytes, UnitsAreBinaryOrDecimal) {
     EXPECT_EQ(parse_bytes("4GiB"), std::uint64_t(4) << 30);
     EXPECT_EQ(parse_bytes("1.5 MiB"), 1572864u);
     EXPECT_EQ(parse_bytes("2MB"), 2000000u);
-    EXPECT_EQ(parse_bytes("7"), 7u);
+    EXPECT_EQ(parse_bytes("7B"), 7u);
     EXPECT_EQ(parse_bytes("0"), 0u);
-    for (const char* bad : {"", "GiB", "-1", "1 apple", "1e30GiB", "nan", "inf"})
+    for (const char* bad : {"", "GiB", "-1", "7", "1 apple", "1e30GiB", "nan", "inf"})
         EXPECT_THROW(parse_bytes(bad), UsageError) << bad;
 }
 

@@ -140,7 +140,6 @@ TEST(ImageCache, DestructionDropsTheQueue) {
 
 TEST(ParseBytes, UnitsAndFractions) {
     EXPECT_EQ(parse_bytes("0"), 0u);
-    EXPECT_EQ(parse_bytes("123"), 123u);
     EXPECT_EQ(parse_bytes("7B"), 7u);
     EXPECT_EQ(parse_bytes("4GiB"), std::uint64_t(4) << 30);
     EXPECT_EQ(parse_bytes("4g"), std::uint64_t(4) << 30);
@@ -151,7 +150,7 @@ TEST(ParseBytes, UnitsAndFractions) {
 
 TEST(ParseBytes, NonsenseIsAUsageErrorNamingIt) {
     for (const char* text :
-         {"", "GiB", "-1", "4 apples", "4GiBs", "1e9999", "nan", "inf", "1,5G", "99999999999TiB", "4kb5"}) {
+         {"", "GiB", "-1", "123", "4 apples", "4GiBs", "1e9999", "nan", "inf", "1,5G", "99999999999TiB", "4kb5"}) {
         try {
             parse_bytes(text);
             ADD_FAILURE() << text << " was accepted";
