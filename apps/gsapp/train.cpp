@@ -13,22 +13,20 @@
 #include "eval/report/comparison_format.h"
 #include "kernels/core/error.h"
 #include "lib/core/options_cli.h"
-#include "lib/core/progress.h"
 #include "lib/train/rank_training.h"
 #include "lib/train/sharded_backend.h"
 
 namespace gs {
 namespace {
 
-/// Prints to stdout, or to stderr where a program reads JSON lines on stdout: there the table is for the people who
-/// read the messages.
+/// Prints to stdout, or to stderr if a program reads JSON lines on stdout: the table is for the people who read the
+/// messages.
 void print_table(const std::vector<TableRow>& rows, const TrainOptions& options) {
     if (rows.empty()) return;
-    const bool lines = has_json_lines(progress_style(options.quiet, options.json));
-    const bool terminal = ::isatty(lines ? STDERR_FILENO : STDOUT_FILENO) != 0;
+    const bool terminal = ::isatty(options.json ? STDERR_FILENO : STDOUT_FILENO) != 0;
     const std::string table =
         format_comparison(compare_runs(rows), terminal ? TableFormat::kTerminal : TableFormat::kMarkdown);
-    std::fputs(table.c_str(), lines ? stderr : stdout);
+    std::fputs(table.c_str(), options.json ? stderr : stdout);
 }
 
 /// Returns the port of --view, which may be left out. Throws UsageError for what is none.
@@ -50,27 +48,32 @@ void add_train_command(CLI::App& app, Command& selected) {
     const auto frame_rounds = std::make_shared<int>(0);
     command
         ->add_option("--time-frames", *frame_rounds,
-                     "With --eval: time frames of the trained model in that many rounds through the test views, for "
+                     "With --eval: time frames of the trained model; in that many rounds through the test views, for "
                      "results.json")
         ->check(CLI::Range(0, 100000));
     const auto num_runs = std::make_shared<int>(0);
     command
-        ->add_option("--runs", *num_runs,
-                     "With --eval: train that many times, with seeds SEED, SEED+1, ..., into MODEL-0, MODEL-1, ..., "
-                     "and print mean "
-                     "and deviation. Called again, trains only what is missing")
+        ->add_option(
+            "--runs", *num_runs,
+            "With --eval: train that many times and print mean and deviation; with seeds SEED, SEED+1, ..., into "
+            "MODEL-0, MODEL-1, ... Called again, trains only what is missing")
         ->check(CLI::Range(1, 1000));
     const auto view = std::make_shared<std::string>();
     CLI::Option* view_option =
         command
             ->add_option("--view", *view,
-                         "Show the training in a browser on this machine while it goes on, at this port of 127.0.0.1 "
-                         "(without a number 8000, or any free one); 0 takes any free one")
+                         "Show the training in a browser while it goes on; on this machine, at this port of 127.0.0.1 "
+                         "(without a number 8000, or any free one), and 0 takes any free one")
             ->expected(0, 1)
             ->type_name("[PORT]");
     const auto json = std::make_shared<bool>(false);
     command->add_flag("--json", *json,
-                      "JSON lines on stdout even where that is a terminal; the table then goes to stderr");
+                      "Print progress and results on stdout as JSON lines; the table then goes to stderr");
+    command->footer(
+        "Examples:\n"
+        "  gsapp train path/to/scene -m output/scene --eval        # hold out every 8th view and measure on it\n"
+        "  gsapp train path/to/scene --time-limit 5m --size-limit 20MB\n"
+        "  gsapp train -m output/scene --resume                    # after an interruption");
     command->callback([=, &selected] {
         selected = [=] {
             TrainOptions options = arguments->resolve();

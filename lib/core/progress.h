@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shows the progress of a run: one changing line on a terminal, JSON lines for programs, nothing when quiet.
+// Shows the progress of a run: one changing line on a terminal, a few plain ones elsewhere, JSON lines for programs.
 #pragma once
 
 #include <cstdint>
@@ -11,17 +11,14 @@
 
 namespace gs {
 
-enum class ProgressStyle { kSilent, kBar, kJsonLines, kBarAndJsonLines };
+/// The ways to show progress, which `|` combines.
+enum class ProgressStyle : unsigned { kSilent = 0, kBar = 1, kPlainLines = 2, kJsonLines = 4 };
 
-inline bool has_bar(ProgressStyle style) {
-    return style == ProgressStyle::kBar || style == ProgressStyle::kBarAndJsonLines;
-}
-inline bool has_json_lines(ProgressStyle style) {
-    return style == ProgressStyle::kJsonLines || style == ProgressStyle::kBarAndJsonLines;
-}
+constexpr ProgressStyle operator|(ProgressStyle a, ProgressStyle b) { return ProgressStyle(unsigned(a) | unsigned(b)); }
+constexpr bool has(ProgressStyle style, ProgressStyle part) { return (unsigned(style) & unsigned(part)) != 0; }
 
-/// Returns JSON lines where stdout is no terminal or `json` asks for them, and the bar where stderr is a terminal.
-/// With `quiet` there is no bar, and no JSON lines but those that `json` asks for.
+/// Returns what people see, which is the bar if stderr is a terminal, plain lines if it is none and nothing if `quiet`,
+/// together with JSON lines if `json` asks for them.
 ProgressStyle progress_style(bool quiet, bool json);
 
 /// Joins as many of `parts`, the first ones, as fit on a line of `columns` characters; cuts the first if it must.
@@ -29,8 +26,9 @@ std::string fitting_line(const std::vector<std::string>& parts, int columns);
 
 /// Shows iteration, loss, number of Gaussians, speed and remaining time.
 ///
-/// The bar goes to stderr, at most ten times a second, and never takes more than one line of the terminal. JSON lines
-/// go to stdout, at most one a second besides the last:
+/// The bar goes to stderr, at most ten times a second, and never takes more than one line of the terminal. Plain lines
+/// are messages: one for each tenth of the count that is done, or after ten minutes, but none within five seconds of
+/// the one before. JSON lines go to stdout, at most one a second besides the last:
 ///   {"event":"progress","iteration":700,"iterations":30000,"loss":0.0812,"num_gaussians":94477,
 ///    "iterations_per_second":21.4,"eta_seconds":1369.2}
 /// `loss` is null when it is not finite; the total, speed and ETA are null while they are not known.
@@ -38,10 +36,8 @@ class Progress {
   public:
     explicit Progress(ProgressStyle style);
     /// For tests: other streams, another minimum time between two lines, and a terminal of `columns` characters.
-    Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, double seconds_between_lines,
+    Progress(ProgressStyle style, std::ostream& bar, std::ostream& json, double seconds_between_lines,
              int columns = 200);
-
-    ProgressStyle style() const { return style_; }
 
     /// Begins a count, before its first iteration. `done` iterations of `total` were made by an earlier run; a total of
     /// 0 is not known. `stage` names the count if it is not the training itself; JSON lines then have it as "stage".
@@ -72,27 +68,32 @@ class Progress {
     void finish();
 
   private:
-    /// One of the two ways to show progress.
+    /// One of the ways to show progress.
     struct Outlet {
         bool open;
-        std::ostream& stream;
-        double interval;  ///< seconds between two lines
+        double interval;  ///< least seconds between two lines
         std::int64_t shown_iteration = 0;
         double shown_time = 0;
     };
     bool due(const Outlet& outlet, std::int64_t iteration) const;
+    bool plain_line_due(std::int64_t iteration) const;
     void draw(const std::vector<std::string>& parts);
-    void show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians);
-    void show_line(std::int64_t iteration, double loss, std::int64_t num_gaussians);
+    /// Returns the progress in words, the most important ones first.
+    std::vector<std::string> parts(std::int64_t iteration, double loss, std::int64_t num_gaussians) const;
+    void show_json(std::int64_t iteration, double loss, std::int64_t num_gaussians);
     /// Returns the seconds that are left after `iteration`; empty while they are not known.
     std::optional<double> eta_seconds(std::int64_t iteration) const;
+    /// Returns how many tenths of the count are done; 0 while that is not known.
+    int tenths(std::int64_t iteration) const;
 
-    ProgressStyle style_;
-    Outlet bar_, lines_;
+    Outlet bar_, plain_, json_;
+    std::ostream &bar_stream_, &json_stream_;
     int columns_;  ///< 0 = those of the terminal
     std::string stage_;
-    std::int64_t total_ = 0;            ///< 0 = not known
-    std::optional<double> end_ = {};    ///< the time at which the count ends, where time decides
+    std::int64_t total_ = 0;          ///< 0 = not known
+    std::optional<double> end_ = {};  ///< the time at which the count ends, where time decides
+    double start_time_ = 0;
+    int shown_tenths_ = 0;              ///< in the last plain line
     std::int64_t rated_iteration_ = 0;  ///< the last one shown, from which the speed counts
     double rated_time_ = 0;
     double rate_ = 0;        ///< iterations per second, smoothed; 0 = not known yet

@@ -22,8 +22,8 @@ TEST(Compare, RepeatedRunsAreOneLineAndAreNotTrainedTwice) {
     const std::string command = std::string(kTiny) + "-m out --runs 2";
     const Outcome first = program.run(command);
     ASSERT_EQ(first.exit_code, 0) << first.err;
-    EXPECT_NE(first.err.find("out-0 .. out-1 (2 runs)"), std::string::npos) << first.err;
-    EXPECT_NE(first.err.find("protocol paper: "), std::string::npos) << first.err;
+    EXPECT_NE(first.out.find("out-0 .. out-1 (2 runs)"), std::string::npos) << first.out;
+    EXPECT_NE(first.out.find("protocol paper: "), std::string::npos) << first.out;
     EXPECT_NE(program.read("out-1/config.yaml").find("seed: 1\n"), std::string::npos);
     const Outcome again = program.run(command);
     ASSERT_EQ(again.exit_code, 0) << again.err;

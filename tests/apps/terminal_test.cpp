@@ -61,8 +61,16 @@ TEST_F(Terminal, ShowsTheBarAndATableWithoutMarks) {
     }
 }
 
+TEST_F(Terminal, TheTableGoesWhereStdoutIsAFileAndTheBarStays) {
+    const std::string shown = train(">table.md");
+    EXPECT_EQ(json_lines(program_.read("table.md")), 0u);
+    EXPECT_NE(program_.read("table.md").find("| run |"), std::string::npos);
+    EXPECT_EQ(json_lines(shown), 0u);
+    EXPECT_NE(shown.find("20/20 100%"), std::string::npos) << shown;
+}
+
 TEST_F(Terminal, JsonLinesGoWhereStdoutIsAFileAndTheBarStays) {
-    const std::string shown = train(">lines.txt");
+    const std::string shown = train("--json >lines.txt");
     EXPECT_GE(json_lines(program_.read("lines.txt")), 3u);
     EXPECT_EQ(json_lines(shown), 0u);
     EXPECT_NE(shown.find("20/20 100%"), std::string::npos) << shown;
@@ -86,7 +94,7 @@ TEST_F(Terminal, NoColorIsRespected) { EXPECT_EQ(train("", "NO_COLOR=1").find("\
 
 TEST_F(Terminal, VerboseShowsOptionsAndFiles) {
     program_.folder().write("run.yaml", "seed: 7\n");
-    const std::string shown = train("-v -c run.yaml >lines.txt");
+    const std::string shown = train("-v -c run.yaml >table.md");
     EXPECT_NE(shown.find("options that are not at their defaults: "), std::string::npos) << shown;
     EXPECT_NE(shown.find("seed 7"), std::string::npos) << shown;
 }
@@ -107,7 +115,7 @@ TEST_F(Terminal, ShowsTablesOfExperimentsWithoutMarks) {
 }
 
 TEST_F(Terminal, EvaluationsStandInTheLog) {
-    train("--test-iterations 10 >lines.txt");
+    train("--test-iterations 10 >table.md");
     std::istringstream log(program_.read("run/stats/train.jsonl"));
     std::vector<nlohmann::json> scored;
     for (std::string line; std::getline(log, line);)

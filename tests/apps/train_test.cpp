@@ -77,7 +77,7 @@ TEST(Train, LeavesTheDocumentedRunFolder) {
 TEST(Train, LimitsArePlannedAndReported) {
     const Program program;
     const std::string common = "train -s builtin:diffuse --device cpu --eval -r 4 --appearance none ";
-    const Outcome outcome = program.run(common + "-m run --time-limit 2s --size-limit 200KB --size-of ply");
+    const Outcome outcome = program.run(common + "-m run --time-limit 2s --size-limit 200KB --size-of ply --json");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     EXPECT_NE(outcome.err.find("at most 100000 Gaussians, as for every built-in scene; --cap-max names another number"),
               std::string::npos)
@@ -147,9 +147,9 @@ TEST(Render, DecomposeWritesFullBaseAndResidual) {
     EXPECT_EQ(program.run("eval run --decompose --skip-render").exit_code, 2);
 }
 
-TEST(Train, StdoutOfAPipeIsJsonLines) {
+TEST(Train, WithJsonStdoutIsJsonLines) {
     const Program program;
-    const Outcome outcome = program.run(std::string(kShort) + "-m run");
+    const Outcome outcome = program.run(std::string(kShort) + "-m run --json");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     const auto lines = json_lines(outcome.out);
     ASSERT_GE(lines.size(), 3u);
@@ -157,7 +157,16 @@ TEST(Train, StdoutOfAPipeIsJsonLines) {
     EXPECT_EQ(lines[lines.size() - 2]["event"], "evaluation");
     EXPECT_EQ(lines.back()["event"], "finished");
     EXPECT_EQ(lines.back()["iteration"], 20);
-    EXPECT_NE(outcome.err.find("PSNR"), std::string::npos);
+    EXPECT_NE(outcome.err.find("| run |"), std::string::npos) << "the table is for people\n" << outcome.err;
+}
+
+TEST(Train, WithoutATerminalStdoutIsTheTableAlone) {
+    const Program program;
+    const Outcome outcome = program.run(std::string(kShort) + "-m run");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_TRUE(outcome.out.starts_with("### diffuse (builtin)\n")) << outcome.out;
+    EXPECT_EQ(outcome.out.find("{"), std::string::npos) << outcome.out;
+    EXPECT_EQ(outcome.err.find("| run |"), std::string::npos) << outcome.err;
 }
 
 TEST(Train, QuietPrintsOnlyTheTable) {
@@ -195,7 +204,7 @@ TEST(Train, StoredConfigurationRepeatsTheRun) {
 TEST(Train, InterruptWritesACheckpointThatResumes) {
     const Program program;
     const Outcome stopped =
-        program.interrupt("train -s builtin:diffuse -r 4 --iterations 1000000 -m run", "\"progress\"");
+        program.interrupt("train -s builtin:diffuse -r 4 --iterations 1000000 -m run --json", "\"progress\"");
     ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
     std::int64_t iteration = 0;
     for (const auto& entry : std::filesystem::directory_iterator(program.path("run/checkpoints"))) {
@@ -204,7 +213,7 @@ TEST(Train, InterruptWritesACheckpointThatResumes) {
     }
     ASSERT_GT(iteration, 0) << stopped.err;
     const std::string total = std::to_string(iteration + 5);
-    const Outcome resumed = program.run("train -m run --resume --iterations " + total);
+    const Outcome resumed = program.run("train -m run --resume --json --iterations " + total);
     ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
     EXPECT_EQ(json_lines(resumed.out).back()["iteration"], iteration + 5);
     EXPECT_TRUE(std::filesystem::exists(program.path("run/point_cloud/iteration_" + total + "/point_cloud.ply")));
@@ -214,7 +223,7 @@ TEST(Train, InterruptedControllersAreTrainedAnewByTheResumedRun) {
     const Program program;
     const Outcome stopped = program.interrupt(
         "train -s builtin:exposure --device cpu --eval -r 8 --iterations 5 --ppisp on --controller-iterations 1000000 "
-        "-m run",
+        "-m run --json",
         "\"stage\":\"controller\"");
     ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
     EXPECT_NE(stopped.err.find("iterations of the controllers, which are lost"), std::string::npos) << stopped.err;
@@ -222,7 +231,7 @@ TEST(Train, InterruptedControllersAreTrainedAnewByTheResumedRun) {
     ASSERT_EQ(neutral.exit_code, 0) << neutral.err;
     EXPECT_NE(neutral.out.find("| none "), std::string::npos) << neutral.out;
     EXPECT_EQ(program.run("eval run --ppisp-eval controller").exit_code, 2);
-    const Outcome resumed = program.run("train -m run --resume --controller-iterations 3");
+    const Outcome resumed = program.run("train -m run --resume --json --controller-iterations 3");
     ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
     const auto lines = json_lines(resumed.out);
     EXPECT_EQ(lines.back()["event"], "finished");

@@ -2,9 +2,11 @@
 // Progress lines for programs and for people.
 #include "lib/core/progress.h"
 #include "lib/core/json_text.h"
+#include "lib/core/log.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -81,7 +83,7 @@ TEST(Progress, BarIsOneLineThatFinishEnds) {
 
 TEST(Progress, WhereTimeDecidesTheEtaIsWhatIsLeftOfIt) {
     Recorder out;
-    Progress progress(ProgressStyle::kBarAndJsonLines, out.bar, out.lines, 0);
+    Progress progress(ProgressStyle::kBar | ProgressStyle::kJsonLines, out.bar, out.lines, 0);
     progress.start(0, 0);
     progress.expect_end_in(600);
     progress.update(1000000, 0.25, 7);
@@ -101,7 +103,7 @@ TEST(Progress, WhereTimeDecidesTheEtaIsWhatIsLeftOfIt) {
 
 TEST(Progress, AnEtaThatIsNotKnownIsNoNumber) {
     Recorder out;
-    Progress progress(ProgressStyle::kBarAndJsonLines, out.bar, out.lines, 0);
+    Progress progress(ProgressStyle::kBar | ProgressStyle::kJsonLines, out.bar, out.lines, 0);
     progress.start(0, 0);
     progress.update(1, 0.25, 7);
     EXPECT_NE(out.bar.str().find("1 iterations  ETA -"), std::string::npos) << out.bar.str();
@@ -132,7 +134,7 @@ TEST(Progress, LinesThatDoNotFitLoseTheirLastParts) {
 
 TEST(Progress, BarAndLinesGoTogether) {
     Recorder out;
-    Progress progress(ProgressStyle::kBarAndJsonLines, out.bar, out.lines, 0);
+    Progress progress(ProgressStyle::kBar | ProgressStyle::kJsonLines, out.bar, out.lines, 0);
     progress.start(10, 0);
     progress.update(5, 0.125, 9);
     progress.count("images decoded", 7, 300);
@@ -142,6 +144,59 @@ TEST(Progress, BarAndLinesGoTogether) {
     ASSERT_EQ(out.parsed().size(), 2u);
     EXPECT_EQ(out.parsed()[0]["iteration"], 5);
     EXPECT_EQ(out.parsed()[1]["event"], "count");
+}
+
+/// Returns the messages that `show` leaves on stderr.
+template <class Fn> std::string messages(Fn&& show) {
+    testing::internal::CaptureStderr();
+    setup_log(LogLevel::kInfo);
+    show();
+    return testing::internal::GetCapturedStderr();
+}
+
+TEST(Progress, PlainLinesAreOneForEachTenth) {
+    Recorder out;
+    const std::string text = messages([&] {
+        Progress progress(ProgressStyle::kPlainLines, out.bar, out.lines, 0);
+        progress.start(200, 50);
+        for (int i = 51; i <= 200; ++i) progress.update(i, 0.25, i);
+    });
+    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 7) << "60/200 to 180/200\n" << text;
+    EXPECT_TRUE(text.starts_with("info: 60/200  30%  ETA 0:00  loss 0.2500  60 Gaussians")) << text;
+    EXPECT_EQ(text.find("200/200"), std::string::npos) << text;
+    EXPECT_EQ(out.bar.str() + out.lines.str(), "");
+}
+
+TEST(Progress, PlainLinesFollowTheClockWhereTimeDecides) {
+    Recorder out;
+    const std::string text = messages([&] {
+        Progress progress(ProgressStyle::kPlainLines, out.bar, out.lines, 0);
+        progress.start(0, 0);
+        progress.expect_end_in(600);
+        progress.update(1000, 0.25, 7);
+        progress.expect_end_in(0);
+        progress.update(2000, 0.25, 7);
+        progress.update(2001, 0.25, 7);
+    });
+    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
+    EXPECT_TRUE(text.starts_with("info: 2000 iterations")) << text;
+}
+
+TEST(Progress, PlainLinesAreRare) {
+    Recorder out;
+    EXPECT_EQ(messages([&] {
+                  Progress progress(ProgressStyle::kPlainLines, out.bar, out.lines, 5);
+                  progress.start(10, 0);
+                  for (int i = 1; i <= 10; ++i) progress.update(i, 0.25, i);
+              }),
+              "");
+}
+
+TEST(Progress, StdoutIsForProgramsThatAskForJson) {
+    EXPECT_FALSE(has(progress_style(false, false), ProgressStyle::kJsonLines));
+    EXPECT_TRUE(has(progress_style(false, true), ProgressStyle::kJsonLines));
+    EXPECT_EQ(progress_style(true, true), ProgressStyle::kJsonLines);
+    EXPECT_EQ(progress_style(true, false), ProgressStyle::kSilent);
 }
 
 TEST(Progress, SilentShowsNothing) {
