@@ -44,11 +44,29 @@ std::optional<double> loss_of_iterations(const Plan& plan, const TrainOptions& o
     return loss_of_length(double(iterations) / double(plan.num_views));
 }
 
+/// Returns what a length costs, and the option that changes it: "about 0.8 dB below a training of any length (a longer
+/// --time-limit comes closer)".
+std::string loss_words(double loss, const TrainOptions& options) {
+    const bool short_preset = options.preset == Preset::kFast || options.preset == Preset::kBalanced;
+    const char* option = !options.time_limit.empty()                             ? "a longer --time-limit comes"
+                         : short_preset && !options.named.contains("iterations") ? "--preset best comes"
+                                                                                 : "more --iterations come";
+    return fmt::format("{} below a training of any length ({} closer)", about(loss), option);
+}
+
+/// Returns the option that keeps a model of so many Gaussians from more of them.
+const char* limit_of_count(const Plan& plan, const TrainOptions& options, std::int64_t count) {
+    if (plan.size && double(count) > kLeastUse * double(plan.size->most_gaussians)) return "a larger --size-limit";
+    if (!options.frame_limit.empty()) return "a longer --frame-limit";
+    return options.time_limit.empty() ? "a training of more --iterations" : "a longer --time-limit";
+}
+
 void plan_the_time(Plan& plan, const TrainOptions& options) {
     const bool limited = !options.time_limit.empty();
     const std::int64_t iterations = limited ? wanted_steps(plan.num_views) : options.iterations;
     const std::optional<double> loss = loss_of_iterations(plan, options, iterations);
-    const std::string cost = loss ? fmt::format(", by estimate {} below a training of any length", about(*loss)) : "";
+    if (loss) plan.estimate = "by estimate " + loss_words(*loss, options);
+    const std::string cost = loss ? ", " + plan.estimate : "";
     if (limited) {
         const double seconds = parse_duration(options.time_limit, "option time-limit");
         plan.lines.push_back(fmt::format(
@@ -70,18 +88,20 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
     const std::int64_t most = std::min(size.most_gaussians, options.cap_max);
     const double loss = loss_of_count(most, plan.full_count);
     const std::string cost =
-        loss > 0 ? fmt::format(", by estimate {} below {} Gaussians ({}) if the scene has detail for so many",
-                               about(loss), plan.full_count, plan.full_count_reason)
+        loss > 0 ? fmt::format(
+                       ", by estimate {} below {} Gaussians ({}) if the scene has detail for so many (a larger "
+                       "--size-limit admits more)",
+                       about(loss), plan.full_count, plan.full_count_reason)
                  : "";
     plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {:.4g} bytes with {}{}",
                                      options.size_limit, word(options.size_of), most, size.mean_bytes(),
                                      options.appearance, cost));
     plan.json["estimated_loss"]["count"]["planned"] = loss;
     if (double(size.bytes(most)) < kLeastUse * double(size.limit))
-        plan.lines.push_back(fmt::format("size: {} is the nearest below the limit: {}", megabytes(size.bytes(most)),
-                                         most < size.most_gaussians
-                                             ? "--cap-max ends there"
-                                             : fmt::format("the file grows by {} Gaussians", size.unit)));
+        plan.lines.push_back(
+            fmt::format("size: the largest file within the limit has {}: {}", megabytes(size.bytes(most)),
+                        most < size.most_gaussians ? "--cap-max ends there"
+                                                   : fmt::format("the file grows by {} Gaussians", size.unit)));
     plan.json["size"] = {{"limit_bytes", size.limit},
                          {"of", word(options.size_of)},
                          {"appearance", options.appearance},
@@ -94,10 +114,11 @@ void note_loss(Plan& plan, const TrainOptions& options, const TrainSummary& summ
     const std::optional<double> length = loss_of_iterations(plan, options, summary.iterations);
     if (!length || summary.num_gaussians == 0) return;
     const double count = loss_of_count(summary.num_gaussians, plan.full_count);
-    log_info("estimate: these {} iterations are {} below a training of any length", summary.iterations, about(*length));
+    log_info("estimate: these {} iterations are {}", summary.iterations, loss_words(*length, options));
     if (summary.num_gaussians < plan.full_count)
-        log_info("estimate: these {} Gaussians are {} below {} ({})", summary.num_gaussians, about(count),
-                 plan.full_count, plan.full_count_reason);
+        log_info("estimate: these {} Gaussians are {} below {} ({}); {} lets more grow", summary.num_gaussians,
+                 about(count), plan.full_count, plan.full_count_reason,
+                 limit_of_count(plan, options, summary.num_gaussians));
     plan.json["estimated_loss"]["length"]["final"] = *length;
     plan.json["estimated_loss"]["count"]["final"] = count;
 }
@@ -134,11 +155,28 @@ Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held
     return plan;
 }
 
+std::string training_words(const Plan& plan, const TrainOptions& options) {
+    std::vector<std::string> words;
+    if (options.strategy != Strategy::kNone) {
+        const bool by_size = plan.size && plan.size->most_gaussians < options.cap_max;
+        words.push_back(fmt::format("at most {} Gaussians ({})", by_size ? plan.size->most_gaussians : options.cap_max,
+                                    by_size ? "--size-limit" : "--cap-max"));
+    }
+    if (!options.frame_limit.empty()) words.push_back(fmt::format("frames of at most {}", options.frame_limit));
+    if (options.target_psnr > 0) words.push_back(fmt::format("until {:g} dB are reached", options.target_psnr));
+    if (!options.time_limit.empty())
+        words.push_back(duration_text(parse_duration(options.time_limit, "option time-limit")));
+    else
+        words.push_back(fmt::format("{}{} iterations", options.target_psnr > 0 ? "at most " : "", options.iterations));
+    if (!plan.estimate.empty()) words.push_back(plan.estimate);
+    return fmt::format("{}", fmt::join(words, ", "));
+}
+
 void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& summary) {
     if (plan.json.is_null()) return;
     if (summary.limited_seconds > 0) {
-        log_info("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving", options.time_limit,
-                 summary.limited_seconds, summary.saving_seconds);
+        log_debug("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving", options.time_limit,
+                  summary.limited_seconds, summary.saving_seconds);
         plan.json["time"]["seconds"] = summary.limited_seconds;
         plan.json["time"]["saving_seconds"] = summary.saving_seconds;
     }
@@ -152,7 +190,7 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
         const bool small_enough = summary.target && summary.target->reached;  // on purpose
         if (!small_enough && summary.num_gaussians < std::min(plan.size->most_gaussians, options.cap_max) &&
             use < kLeastUse)
-            log_warning("size limit {}: only {:.0f} % of it are used{}", options.size_limit, 100 * use,
+            log_warning("size limit {}: only {:.0f} % of it is used{}", options.size_limit, 100 * use,
                         options.time_limit.empty() ? ": in these --iterations the model did not grow further"
                                                    : ": the time limit does not afford more Gaussians");
         plan.json["size"]["bytes"] = bytes;

@@ -54,18 +54,18 @@ void verify(const TrainOptions& options, Scene& scene, Progress& progress) {
     verify_images(scene, parse_bytes(options.image_cache),
                   [&](std::int64_t done, std::int64_t total) { progress.count("images decoded", done, total); });
     progress.finish();
-    log_info("{} images decoded in {:.1f} s", images, seconds_now() - start);
+    log_debug("{} images decoded in {:.1f} s", images, seconds_now() - start);
 }
 
 void describe_scene(const Scene& scene) {
     log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(),
              scene.test.size(), scene.split_rule, scene.points.positions.size());
     if (!scene.frame.is_identity())
-        log_info(
+        log_debug(
             "trained in a frame of the usual size: centre ({:.9g}, {:.9g}, {:.9g}), scale {:.6g}; what is written is "
             "in the scene's own coordinates",
             scene.frame.center.x(), scene.frame.center.y(), scene.frame.center.z(), scene.frame.scale);
-    for (const std::string& fact : scene.facts) log_info("{}", fact);
+    for (const std::string& fact : scene.facts) log_debug("{}", fact);
     for (const std::string& note : scene.notes) log_warning("{}", note);
 }
 
@@ -77,7 +77,9 @@ void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choi
 /// log.
 void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart& start) {
     const AppearanceReport report = find_appearance(options, scene);
-    for (const std::string& line : report.lines) log_info("--appearance auto: {}", line);
+    for (const std::string& line : report.lines)
+        log_message(&line == &report.lines.back() ? LogLevel::kInfo : LogLevel::kDebug, "--appearance auto: {}",
+                    fmt::make_format_args(line));
     write_choice(options.model, report.json);
     start.first_event = report.json;
     start.first_event["event"] = "appearance_choice";
@@ -117,25 +119,27 @@ void add_share_of_training(const TrainOptions& options, const TrainSummary& summ
     if (choice.is_null() || !summary.whole_time) return;
     choice["share_of_training"] = choice.value("seconds", 0.0) / summary.train_seconds;
     write_choice(options.model, choice);
-    log_info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0),
-             choice.value("share_of_training", 0.0));
+    log_debug("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0),
+              choice.value("share_of_training", 0.0));
 }
 
 void describe_training(const TrainSummary& summary) {
-    log_info("{} iterations in {:.1f} s{} ({:.1f} s waiting for images), {} Gaussians", summary.iterations,
-             summary.train_seconds, summary.whole_time ? "" : " since the checkpoint", summary.data_wait_seconds,
+    constexpr double kMuch = 0.05;  // of the time; less is no reason to look for faster storage
+    const bool waited = summary.data_wait_seconds > kMuch * summary.train_seconds;
+    log_info("{} iterations in {:.1f} s{}{}, {} Gaussians", summary.iterations, summary.train_seconds,
+             summary.whole_time ? "" : " since the checkpoint",
+             waited ? fmt::format(" ({:.1f} s waiting for images)", summary.data_wait_seconds) : "",
              summary.num_gaussians);
     if (summary.controller_seconds > 0)
-        log_info("{} iterations of the controllers in {:.1f} s, besides", summary.controller_iterations,
-                 summary.controller_seconds);
+        log_debug("{} iterations of the controllers in {:.1f} s, besides", summary.controller_iterations,
+                  summary.controller_seconds);
 }
 
 /// Says what was written, and what comes next.
 void describe_outcome(const TrainOptions& options, const TrainSummary& summary) {
     const RunFolder folder{options.model};
     log_info("point cloud: {}", folder.point_cloud(summary.iterations).string());
-    log_info("look at it with: gsapp view {}", options.model);
-    log_info("make a web page of it with: gsapp export {} -o DIR", options.model);
+    log_info("look at it with: gsapp view {0}; make a web page of it with: gsapp export {0} -o DIR", options.model);
 }
 
 nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSummary& summary) {
@@ -249,17 +253,18 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
         require_same_training_views(*start.checkpoint, options);
     }
     add_log_file(fs::path(options.model) / "gsapp.log");
-    log_info("{}, output folder {}", version_text(), options.model);
+    log_debug("{}, output folder {}", version_text(), options.model);
     describe_scene(scene);
     if (has_builtin_cap(options))
-        log_info("at most {} Gaussians, as for every built-in scene; --cap-max names another number", options.cap_max);
+        log_debug("at most {} Gaussians, as for every built-in scene; --cap-max names another number", options.cap_max);
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
     if (resolve_no_residuals(options, scene)) plan = {};
     if (plan.json.is_null()) plan = make_plan(options, scene, held_out);
     log_debug("options that are not at their defaults: {}", changed_options(options));
-    for (const std::string& line : plan.lines) log_info("plan: {}", line);
+    for (const std::string& line : plan.lines) log_debug("plan: {}", line);
+    log_info("training {}, {}, into {}", options.appearance, training_words(plan, options), options.model);
     TrainingEvaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;
     if (plan.size) hooks.most_gaussians = std::min(plan.size->most_gaussians, options.cap_max);

@@ -54,7 +54,7 @@ void TrainingEvaluation::finish(const TrainSummary& summary, const nlohmann::ord
     facts_.appearance_choice = read_appearance_choice(options_.model);
     if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
     write_results(RunFolder{options_.model}, eval_, result_, facts_);
-    log_info("photographs and renders side by side: {}", comparison().string());
+    log_debug("photographs and renders side by side: {}", comparison().string());
 }
 
 std::filesystem::path TrainingEvaluation::comparison() const {

@@ -7,6 +7,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdio>
 #include <cstdlib>
@@ -23,7 +24,9 @@ void setup_log(LogLevel level) {
     if (const char* no_color = std::getenv("NO_COLOR"); no_color && *no_color)  // https://no-color.org
         sink->set_color_mode(spdlog::color_mode::never);
     auto logger = std::make_shared<spdlog::logger>("gsapp", sink);
-    logger->set_level(spdlog::level::from_str(word(level)));
+    const auto shown = spdlog::level::from_str(word(level));
+    sink->set_level(shown);
+    logger->set_level(shown);
     logger->flush_on(spdlog::level::info);
     // The log file may become impossible to write, by a full disk, say. That is no reason to end a run.
     logger->set_error_handler([](const std::string& reason) {
@@ -44,7 +47,9 @@ void add_log_file(const std::filesystem::path& file) {
     try {
         auto sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file.string());
         sink->set_pattern("%Y-%m-%d %H:%M:%S %l: %v");
-        spdlog::default_logger()->sinks().push_back(sink);
+        auto logger = spdlog::default_logger();
+        logger->sinks().push_back(sink);
+        logger->set_level(std::min(logger->level(), spdlog::level::debug));
     } catch (const spdlog::spdlog_ex& e) {
         throw DataError("cannot write the log file " + file.string() + ": " + e.what());
     }

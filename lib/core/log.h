@@ -30,8 +30,8 @@ template <class... Args> void log_error(fmt::format_string<Args...> format, Args
     log_message(LogLevel::kError, format, fmt::make_format_args(args...));
 }
 
-/// Appends the messages to `file` as well. Throws DataError when the file cannot be opened. That it cannot be written
-/// later is said once, on stderr.
+/// Appends the messages to `file` as well, those of level debug included, whatever stderr shows. Throws DataError when
+/// the file cannot be opened. That it cannot be written later is said once, on stderr.
 void add_log_file(const std::filesystem::path& file);
 
 }  // namespace gs

@@ -62,13 +62,13 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
 
 void LearningRates::log(const TrainOptions& options) const {
     if (std::isnan(options.opacity_lr))
-        log_info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
+        log_debug("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
     double residual = 0;
     for (const Schedule& column : appearance_.residual) residual = std::max(residual, column.initial);
     if (residual > 0) {
-        log_info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}",
-                 options.appearance, feature_factor_ * appearance_.base.initial, residual_factor_ * residual,
-                 appearance_.residual.size() > 1 ? ", fastest column" : "", spacing_);
+        log_debug("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}",
+                  options.appearance, feature_factor_ * appearance_.base.initial, residual_factor_ * residual,
+                  appearance_.residual.size() > 1 ? ", fastest column" : "", spacing_);
     }
 }
 

@@ -34,7 +34,7 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
     const int per_instance = (cuda ? 21 : 58) + (cuda && options.deterministic ? 288 : 0);
     const std::int64_t most =
         options.strategy == Strategy::kNone ? num_gaussians : std::max(num_gaussians, options.cap_max);
-    log_info(
+    log_debug(
         "memory plan: images {:.0f} MiB{}; {} Gaussians x {:.0f} B = {:.0f} MiB now, {:.0f} MiB at {}; {:.0f} MiB for "
         "a view of {:.1f} Mpx, plus "
         "{} B per Gaussian-tile instance",

@@ -54,8 +54,8 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
                     1 + std::max(kLeastIterations, std::int64_t(kPhotometricDecision / last.stride())),
                     options.iterations);
     if (active_)
-        log_info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras,
-                 frozen_ ? ", as in " + options.ppisp_from : "");
+        log_debug("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras,
+                  frozen_ ? ", as in " + options.ppisp_from : "");
 }
 
 PpispState Photometric::begin() const {

@@ -56,11 +56,11 @@ bool slurm_binds_gpus() {
 int num_local_ranks(const TrainOptions& options) {
     if (options.ranks != kAllGpus) return options.ranks;
     if (options.device == Device::kCpu)
-        throw UsageError("option ranks: all are as many as there are GPUs, but the device is the CPU; name a number");
+        throw UsageError("option ranks: all means one for each GPU, but the device is the CPU; name a number");
     if (rank_place([](const char* name) -> const char* { return std::getenv(name); })) return 1;
     if (const int count = cuda_device_count(); count > 0) return count;
-    throw DeviceError("option ranks: all are as many as there are GPUs, and there is none (" +
-                      cuda_unavailable_reason() + ")");
+    throw DeviceError("option ranks: all means one for each GPU, and there is none (" + cuda_unavailable_reason() +
+                      ")");
 }
 
 void choose_device(const RankTeam& team, Device device) {
@@ -80,7 +80,7 @@ void connect_devices(RankTeam& team, Device device) {
     if (team.rank() > 0) return;
     if (!why_not.empty()) log_warning("ranks: splats pass through the host's memory: {}", why_not);
     if (const DeviceLink* link = team.communicator().link())
-        log_info("ranks: splats go from GPU to GPU by {}", link->name());
+        log_debug("ranks: splats go from GPU to GPU by {}", link->name());
 }
 
 std::unique_ptr<RankedBackend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,

@@ -11,6 +11,7 @@
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "lib/core/duration.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
@@ -29,6 +30,7 @@
 #include "lib/train/run_writer.h"
 #include "lib/train/step_composer.h"
 #include "lib/train/target_search.h"
+#include "lib/train/time_estimate.h"
 #include "lib/train/training_views.h"
 
 namespace gs {
@@ -43,6 +45,9 @@ constexpr std::int64_t kLeastPoints = 1000;
 constexpr double kWorthPerFrame = 4;
 /// The seconds of a time limit that finishing and writing the controllers may take.
 constexpr double kControllerEnd = 0.05;
+
+/// The seconds of steps from which the time of a training is estimated, and the estimate from which on it is said.
+constexpr double kMeasuredSeconds = 3, kLongTraining = 3600;
 
 /// The seconds between two automatic checkpoints; infinite without them.
 double automatic_interval(const TrainOptions& options) {
@@ -146,8 +151,8 @@ class Run {
         course_.start(costs, count);
         keep_time_for_controllers();
         if (course_.finished()) log_warning("time limit {}: it is used up: nothing is trained", options_.time_limit);
-        log_info(
-            "time limit {}: saving takes about {:.2f} s for {} Gaussians; growth ends where fewer than {} steps would "
+        log_debug(
+            "time limit {}: saving takes about {:.2f} s for {} Gaussians; growth ends when fewer than {} steps would "
             "remain",
             options_.time_limit, costs.saving_per_gaussian * double(count), count, course_.wanted_steps());
     }
@@ -208,8 +213,15 @@ class Run {
     void loop() {
         bool stop = watch() == Wish::kStop;
         double interval_start = seconds_now();
+        const std::int64_t first_iteration = iteration_;
+        const double first_seconds = train_seconds_;
+        bool estimated = !ends_by_iterations(options_) || uses_cuda(options_.device);
         while (!course_.finished()) {
             timed([&] { iterate(); });
+            if (!estimated && train_seconds_ - first_seconds >= kMeasuredSeconds) {
+                estimated = true;
+                warn_if_long(iteration_ - first_iteration, train_seconds_ - first_seconds);
+            }
             const bool log = iteration_ % kLogInterval == 0 || course_.finished(), report = progress_.due(iteration_);
             stop = (stop || interrupted()) && !course_.finished();
             // What is reported or saved is the state after this iteration, and waiting for it is training time.
@@ -233,6 +245,24 @@ class Run {
                                   how_to_continue());
             }
         }
+    }
+
+    /// Warns of a training that takes hours, as one with the defaults does on the CPU. The last `iterations` took
+    /// `measured` seconds.
+    void warn_if_long(std::int64_t iterations, double measured) const {
+        double pixels = 0;
+        for (const View& view : scene_.train) pixels += double(view.camera.width) * view.camera.height;
+        const double seconds = estimate_seconds(options_,
+                                                {.iteration = iteration_,
+                                                 .seconds_per_iteration = measured / double(iterations),
+                                                 .num_gaussians = backend_->count(),
+                                                 .pixels = pixels / double(scene_.train.size())},
+                                                limits_.cap());
+        if (seconds < kLongTraining) return;
+        log_warning(
+            "this training takes about {} on the CPU, by the speed of its first {} iterations and the growth to come; "
+            "--time-limit 10m, -r 4, or smaller --iterations and --cap-max shorten it",
+            duration_text(seconds), iterations);
     }
 
     /// Tells the progress line when the training ends.
@@ -359,8 +389,8 @@ class Run {
                 state.count,
                 std::max(kLeastPoints, course_.affordable_start(state.count, limits_.view_seconds(*backend_))));
             if (init.most_points < state.count) {
-                log_info("time limit {}: begins with {} of {} points, so that there is time for enough steps",
-                         options_.time_limit, init.most_points, state.count);
+                log_debug("time limit {}: begins with {} of {} points, so that there is time for enough steps",
+                          options_.time_limit, init.most_points, state.count);
                 state = initialize_gaussians(scene_, appearance_, init);
             }
         }
@@ -660,7 +690,7 @@ class Run {
         progress_.update(iteration_, last_.loss, backend_->count());
         progress_.finish();
         const MemoryUse memory = backend_->memory();
-        if (memory.peak > 0) log_info("{}", memory_report(memory));
+        if (memory.peak > 0) log_debug("{}", memory_report(memory));
         prune_nonfinite();
         // Before the final pruning: a longer run goes on from here as if it had not stopped. A time limit is better
         // spent on steps than on a file three times as large as the model.

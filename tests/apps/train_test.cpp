@@ -64,7 +64,7 @@ TEST(Train, LeavesTheDocumentedRunFolder) {
     }
     EXPECT_FALSE(std::filesystem::exists(program.path("run/test/ours_10"))) << "pictures are for the last iteration";
     for (const char* line : {"point cloud: run/point_cloud/iteration_20/point_cloud.ply",
-                             "look at it with: gsapp view run", "make a web page of it with: gsapp export run -o DIR"})
+                             "look at it with: gsapp view run; make a web page of it with: gsapp export run -o DIR"})
         EXPECT_NE(outcome.err.find(line), std::string::npos) << outcome.err;
     EXPECT_NE(outcome.err.find("device: "), std::string::npos) << outcome.err;
     EXPECT_EQ(outcome.err.find("device: "), outcome.err.rfind("device: ")) << "said once: " << outcome.err;
@@ -79,11 +79,13 @@ TEST(Train, LimitsArePlannedAndReported) {
     const std::string common = "train -s builtin:diffuse --device cpu --eval -r 4 --appearance none ";
     const Outcome outcome = program.run(common + "-m run --time-limit 2s --size-limit 200KB --size-of ply --json");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-    EXPECT_NE(outcome.err.find("at most 100000 Gaussians, as for every built-in scene; --cap-max names another number"),
+    EXPECT_NE(outcome.err.find("(--size-limit), 2.0 s, by estimate"), std::string::npos) << outcome.err;
+    const std::string log = program.read("run/gsapp.log");
+    EXPECT_NE(log.find("at most 100000 Gaussians, as for every built-in scene; --cap-max names another number"),
               std::string::npos)
-        << outcome.err;
-    EXPECT_NE(outcome.err.find("plan: time: 2.0 s"), std::string::npos) << outcome.err;
-    EXPECT_NE(outcome.err.find("plan: size: at most 200KB as ply"), std::string::npos) << outcome.err;
+        << log;
+    EXPECT_NE(log.find("plan: time: 2.0 s"), std::string::npos) << log;
+    EXPECT_NE(log.find("plan: size: at most 200KB as ply"), std::string::npos) << log;
     double left = 2;
     std::istringstream lines(outcome.out);
     for (std::string line; std::getline(lines, line);) {
@@ -118,12 +120,16 @@ TEST(Train, TheEstimateComparesWithMoreGaussiansOnly) {
     const std::string common = "train -s builtin:diffuse --device cpu --eval --preset fast --iterations 20 ";
     const Outcome enough = program.run(common + "-r 8 --cap-max 100 -m enough");
     ASSERT_EQ(enough.exit_code, 0) << enough.err;
-    EXPECT_NE(enough.err.find("iterations are more than 10 dB below a training of any length"), std::string::npos)
+    EXPECT_NE(enough.err.find("iterations are more than 10 dB below a training of any length (more --iterations come "
+                              "closer)"),
+              std::string::npos)
         << enough.err;
     EXPECT_EQ(enough.err.find("Gaussians are "), std::string::npos) << "no number is below itself\n" << enough.err;
     const Outcome few = program.run(common + "-r 2 --cap-max 9000 -m few");
     ASSERT_EQ(few.exit_code, 0) << few.err;
-    EXPECT_NE(few.err.find(" dB below 9000 (--cap-max)"), std::string::npos) << few.err;
+    EXPECT_NE(few.err.find(" dB below 9000 (--cap-max); a training of more --iterations lets more grow"),
+              std::string::npos)
+        << few.err;
 }
 
 TEST(Render, DecomposeWritesFullBaseAndResidual) {
@@ -169,6 +175,33 @@ TEST(Train, WithoutATerminalStdoutIsTheTableAlone) {
     EXPECT_EQ(outcome.err.find("| run |"), std::string::npos) << outcome.err;
 }
 
+TEST(Train, ThreeLinesOpenIt) {
+    const Program program;
+    const Outcome outcome = program.run(std::string(kShort) + "-m run");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    std::istringstream lines(outcome.err.substr(0, outcome.err.find("info: iteration 20: PSNR")));
+    std::vector<std::string> opening;
+    for (std::string line; std::getline(lines, line);) opening.push_back(line);
+    ASSERT_EQ(opening.size(), 3u) << outcome.err;
+    EXPECT_TRUE(opening[0].starts_with("info: builtin:diffuse: 40 training views, 8 test views (")) << opening[0];
+    EXPECT_EQ(opening[1], "info: training sh, at most 6000 Gaussians (--cap-max), 20 iterations, into run");
+    EXPECT_TRUE(opening[2].starts_with("info: device: CPU")) << opening[2];
+    EXPECT_NE(program.read("run/gsapp.log").find("debug: memory plan: "), std::string::npos) << "the log has the rest";
+    const Outcome verbose = program.run(std::string(kShort) + "-m verbose -v");
+    EXPECT_NE(verbose.err.find("debug: memory plan: "), std::string::npos) << verbose.err;
+}
+
+TEST(Train, HoursOnTheCpuAreSaidAtTheStart) {
+    const Program program;
+    const Outcome stopped =
+        program.interrupt("train -s builtin:diffuse --device cpu -r 8 --iterations 100000000 -m run", "on the CPU, by");
+    ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
+    const auto at = stopped.err.find("warning: this training takes about ");
+    ASSERT_NE(at, std::string::npos) << stopped.err;
+    for (const char* option : {"--time-limit 10m", "-r 4", "--iterations", "--cap-max"})
+        EXPECT_NE(stopped.err.find(option, at), std::string::npos) << stopped.err;
+}
+
 TEST(Train, QuietPrintsOnlyTheTable) {
     const Program program;
     const Outcome outcome = program.run(std::string(kShort) + "-m run --quiet");
@@ -192,7 +225,8 @@ TEST(Train, StoredConfigurationRepeatsTheRun) {
     const Program program;
     const Outcome first = program.run(std::string(kShort) + "-m a --opacity-lr auto");
     ASSERT_EQ(first.exit_code, 0) << first.err;
-    EXPECT_NE(first.err.find("opacity-lr auto: 0.0"), std::string::npos) << "the number that was chosen\n" << first.err;
+    EXPECT_NE(program.read("a/gsapp.log").find("opacity-lr auto: 0.0"), std::string::npos)
+        << "the number that was chosen";
     EXPECT_NE(program.read("a/config.yaml").find("opacity-lr: auto\n"), std::string::npos);
     const Outcome again = program.run("train -c a/config.yaml -m b");
     ASSERT_EQ(again.exit_code, 0) << again.err;

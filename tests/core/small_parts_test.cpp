@@ -115,17 +115,21 @@ TEST(Log, AFullDiskIsSaidOnceAndEndsNothing) {
         testing::ExitedWithCode(0), "message 0\nwarning: .*/dev/full.*\nwarning: message 1\nwarning: message 2\n$");
 }
 
-TEST(Log, MessagesReachTheFileByLevel) {
+TEST(Log, TheFileHasMoreThanIsShown) {
     test::TemporaryFolder folder;
+    testing::internal::CaptureStderr();
     setup_log(LogLevel::kWarn);
     add_log_file(folder.path() / "gsapp.log");
-    log_info("not this");
-    log_warning("but this");
+    log_message(LogLevel::kTrace, "not this", {});
+    log_debug("but this");
+    log_warning("and this");
     spdlog::default_logger()->flush();
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "warning: and this\n");
     std::ifstream file(folder.path() / "gsapp.log");
     const std::string text((std::istreambuf_iterator<char>(file)), {});
     EXPECT_EQ(text.find("not this"), std::string::npos);
-    EXPECT_NE(text.find("warning: but this"), std::string::npos) << text;
+    EXPECT_NE(text.find("debug: but this"), std::string::npos) << text;
+    EXPECT_NE(text.find("warning: and this"), std::string::npos) << text;
     folder.write("file", "");
     EXPECT_THROW(add_log_file(folder.path() / "file" / "gsapp.log"), DataError);
 }
