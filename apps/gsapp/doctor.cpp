@@ -168,7 +168,7 @@ std::vector<Finding> look_around() {
              .get = "scripts/build-viewer in the sources, then cmake --install; or keep share/gsapp beside bin"},
             program("colmap", {"colmap"}, "gsapp prepare, which finds the cameras of photographs",
                     "apt-get install colmap"),
-            program("ffmpeg", {"ffmpeg"}, "making films of rendered pictures, and photographs of a film",
+            program("ffmpeg", {"ffmpeg"}, "making videos of rendered pictures, and taking photographs out of a video",
                     "apt-get install ffmpeg"),
             program("Chromium", {"chromium", "chromium-browser", "google-chrome"},
                     "tests of pages; any browser with WebGL2 shows a scene", "apt-get install chromium"),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp render: pictures and films of a finished run or a point cloud from the scene's cameras, a file of cameras, or
+// gsapp render: pictures and videos of a finished run or a point cloud from the scene's cameras, a file of cameras, or
 // an orbit.
 #include <fmt/format.h>
 
@@ -22,11 +22,11 @@
 #include "apps/gsapp/scene_arguments.h"
 #include "eval/runs/appearance_colors.h"
 #include "eval/runs/camera_path.h"
-#include "eval/runs/film.h"
 #include "eval/runs/frame_folder.h"
 #include "eval/runs/orbit.h"
 #include "eval/runs/picture_size.h"
 #include "eval/runs/render_views.h"
+#include "eval/runs/video.h"
 #include "kernels/core/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
@@ -140,7 +140,7 @@ fs::path folder_of(const RenderArguments& arguments, const SavedRun& run, const 
 /// Writes the pictures, and returns where they are; null in a rank that only holds rows.
 nlohmann::ordered_json run_render(const RenderArguments& arguments) {
     if (!arguments.video.empty() && arguments.views == "all")
-        throw UsageError("--video makes a film of one folder: name --views test or --views train");
+        throw UsageError("--video makes a video of one folder: name --views test or --views train");
     if (arguments.show == "appearance" && arguments.parts.decompose)
         throw UsageError("--show appearance has one colour a Gaussian; it has no --decompose");
     const std::optional<PictureSize> size =
@@ -148,10 +148,9 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
     orbit_shape(arguments);  // says what is wrong with it before the scene is read
     require_model_file(arguments.run);
     if (arguments.output.empty() && is_point_cloud(arguments.run))
-        throw UsageError(
-            fmt::format("'{}' is a point cloud without a run, where pictures would go: name a folder with "
-                        "--output DIR",
-                        arguments.run));
+        throw UsageError(fmt::format(
+            "'{}' is a point cloud, which has no run folder for the pictures: name a folder with --output DIR",
+            arguments.run));
     RunChanges changes = arguments.scene->changes({arguments.run});
     const auto team = join_ranks(arguments.ranks, "render", arguments.run);
     if (team && team->rank() > 0) {
@@ -169,7 +168,7 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
         resize_views(wanted.sets, *size);
     else if (!arguments.video.empty())
         unite_sizes(wanted.sets);
-    if (!arguments.video.empty()) require_film(arguments.video, wanted.sets[0].views);
+    if (!arguments.video.empty()) require_video(arguments.video, wanted.sets[0].views);
 
     EvalCorrection correction = run.correction;
     correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
@@ -185,7 +184,7 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
     for (const ViewSet& set : wanted.sets)
         render_views(run, set.views, correction, arguments.parts, (folder++)->path());
     folder = folders.begin();
-    nlohmann::ordered_json written = {{"folders", nlohmann::ordered_json::array()}, {"film", nullptr}};
+    nlohmann::ordered_json written = {{"folders", nlohmann::ordered_json::array()}, {"video", nullptr}};
     for (const ViewSet& set : wanted.sets) {
         folder->commit();
         log_info("{} pictures in {}", set.views.size(), folder->folder().string());
@@ -193,10 +192,10 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
     }
     if (arguments.video.empty()) return written;
     const double fps = arguments.has_fps ? arguments.fps : wanted.fps.value_or(kUsualFps);
-    make_film(arguments.video, picture_folder(folders.front().folder(), arguments.parts), wanted.sets[0].views.size(),
-              fps);
-    log_info("film of {:.1f} s in {}", double(wanted.sets[0].views.size()) / fps, arguments.video);
-    written["film"] = arguments.video;
+    make_video(arguments.video, picture_folder(folders.front().folder(), arguments.parts), wanted.sets[0].views.size(),
+               fps);
+    log_info("video of {:.1f} s in {}", double(wanted.sets[0].views.size()) / fps, arguments.video);
+    written["video"] = arguments.video;
     return written;
 }
 
@@ -223,25 +222,29 @@ void add_camera_options(CLI::App& command, RenderArguments& arguments) {
         .add_option("--orbit-radius", arguments.orbit_radius,
                     "Distance of the orbit's cameras from their target: 2.5 in scene units, or 1.5x the usual one "
                     "(default: the training cameras' mean)")
-        ->needs(orbit);
+        ->needs(orbit)
+        ->group("Orbit");
     command
         .add_option("--orbit-elevation", arguments.orbit_elevation,
                     "Height of the orbit's cameras as seen from their target, in degrees; 0 is level with it (default: "
                     "the training cameras' mean)")
         ->check(CLI::Range(-89.0, 89.0))
         ->needs(orbit)
-        ->each([&](const std::string&) { arguments.has_elevation = true; });
+        ->each([&](const std::string&) { arguments.has_elevation = true; })
+        ->group("Orbit");
     command
         .add_option("--orbit-target", arguments.orbit_target,
                     "Point X,Y,Z that the orbit's cameras look at, in scene coordinates (default: where the training "
                     "cameras look)")
-        ->needs(orbit);
+        ->needs(orbit)
+        ->group("Orbit");
     command
         .add_option("--orbit-up", arguments.orbit_up,
                     "Axis of the scene that points up in the orbit: x, y, z, -x, -y or -z (default: as the training "
                     "cameras were held; without a scene -y, as most .ply files have it)")
         ->check(CLI::IsMember({"x", "y", "z", "-x", "-y", "-z"}))
-        ->needs(orbit);
+        ->needs(orbit)
+        ->group("Orbit");
     command.add_option("--size", arguments.size,
                        "Size of the pictures, WIDTHxHEIGHT; the vertical field of view stays, so wider pictures show "
                        "more at the sides (default: the cameras' own)");
@@ -250,29 +253,30 @@ void add_camera_options(CLI::App& command, RenderArguments& arguments) {
 void add_picture_options(CLI::App& command, RenderArguments& arguments) {
     command.add_flag(
         "--decompose", arguments.parts.decompose,
-        "Also write the base colour without view dependence, and the residual: OUTPUT/{full,base,residual}");
+        "Also write the base colour without view dependence, and the residual; OUTPUT/{full,base,residual}");
     command.add_flag(
         "--depth", arguments.parts.depth,
-        "Also write the expected depth sum(w z)/sum(w) along the camera's axis, in scene units, as OpenEXR "
+        "Also write the expected depth; sum(w z)/sum(w) along the camera's axis, in scene units, as OpenEXR "
         "and in colours: OUTPUT/depth. It is a mean: at edges it lies between the surfaces");
     command.add_flag(
         "--median-depth", arguments.parts.median_depth,
-        "Also write the median depth, that of the Gaussian at which half of the light is gone, in the same "
+        "Also write the median depth; that of the Gaussian at which half of the light is gone, in the same "
         "way: OUTPUT/median_depth. At edges it lies on one of the surfaces; 0 where alpha is below 1/2");
     command.add_flag("--normals", arguments.parts.normals,
-                     "Also write normals, the Gaussians' shortest axes turned to the camera, in the scene's axes, as "
+                     "Also write normals; the Gaussians' shortest axes turned to the camera, in the scene's axes, as "
                      "OpenEXR and in colours: OUTPUT/normals");
     command.add_flag("--alpha", arguments.parts.alpha,
                      "Also write 1 - transmittance as OpenEXR and in grey: OUTPUT/alpha");
     command
-        .add_option("--show", arguments.show,
-                    "picture; or appearance: grey where a Gaussian has one colour from everywhere, else from blue to "
-                    "yellow by how much its colour depends on the view")
+        .add_option(
+            "--show", arguments.show,
+            "picture; or appearance: grey if a Gaussian has one colour from everywhere, else from blue to yellow "
+            "by how much its colour depends on the view")
         ->capture_default_str()
         ->check(CLI::IsMember({"picture", "appearance"}));
     CLI::Option* video = command.add_option("--video", arguments.video,
-                                            "Also make a film of the pictures, FILE.mp4 or FILE.webm; needs ffmpeg");
-    command.add_option("--fps", arguments.fps, "Pictures a second in the film (default: what --path says, else 30)")
+                                            "Also make a video of the pictures, FILE.mp4 or FILE.webm; needs ffmpeg");
+    command.add_option("--fps", arguments.fps, "Pictures a second in the video (default: what --path says, else 30)")
         ->check(CLI::Range(kLeastFps, kMostFps))
         ->needs(video)
         ->each([&](const std::string&) { arguments.has_fps = true; });
@@ -282,7 +286,7 @@ void add_picture_options(CLI::App& command, RenderArguments& arguments) {
 
 void add_render_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<RenderArguments>();
-    CLI::App* command = app.add_subcommand("render", "Write pictures and films of a finished run, or of a .ply file");
+    CLI::App* command = app.add_subcommand("render", "Write pictures and videos of a finished run, or of a .ply file");
     command
         ->add_option("run,-m,--model,--model_path", arguments->run,
                      "Run folder, or .ply file, which needs --output, and for --views also --source")
@@ -290,7 +294,7 @@ void add_render_command(CLI::App& app, Command& selected) {
         ->type_name("RUN|FILE.ply");
     command
         ->add_option("--ppisp-eval", arguments->ppisp_eval,
-                     "Photometric correction: controller (default where the model has one), or none = neutral exposure "
+                     "Photometric correction: controller (default if the model has one), or none = neutral exposure "
                      "and colour")
         ->check(CLI::IsMember({"controller", "none"}));
     add_camera_options(*command, *arguments);
@@ -299,12 +303,12 @@ void add_render_command(CLI::App& app, Command& selected) {
     command->add_option("-o,--output", arguments->output,
                         "Folder for the pictures (default: test, train, orbit or path in RUN/renders/iteration_N)");
     command->add_flag("--overwrite", arguments->overwrite,
-                      "Remove the pictures of another call that are in the folder and would stay beside the new ones");
+                      "Replace the pictures of an earlier call; those that would stay beside the new ones are removed");
     add_picture_options(*command, *arguments);
     arguments->scene = std::make_shared<SceneArguments>(
         *command,
-        "Scene of the views: of a .ply file, which --orbit and --path show without one; of a run that was moved since "
-        "the training",
+        "Scene whose views are rendered; for a .ply file, unless --orbit or --path is given, and for a run whose scene "
+        "was moved since the training",
         DeviceOption::kDeclared);
     add_ranks_option(*command, arguments->ranks);
     add_outcome_flag(*command, arguments->json);

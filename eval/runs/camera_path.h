@@ -10,13 +10,13 @@
 
 namespace gs {
 
-/// Cameras in the order of a film.
+/// Cameras in the order of a video.
 struct CameraPath {
     std::vector<Camera> cameras;
     std::optional<double> fps;  ///< frames a second, where the file says so
 };
 
-/// The rates that films may have, in frames a second.
+/// The rates that videos may have, in frames a second.
 inline constexpr double kLeastFps = 0.01, kMostFps = 1000;
 
 /// Reads a file in one of three forms, told apart by their content; docs/formats.md has them. Positions are in scene

@@ -15,7 +15,7 @@ struct DepthRange {
     double near = 0, far = 0;
 };
 
-/// The range of the pictures of one folder. Its colours are common to them, so that a film does not flicker.
+/// The range of the pictures of one folder. Its colours are common to them, so that a video does not flicker.
 class DepthRangeFinder {
   public:
     /// Adds a picture. Only pixels that are at least half covered count; of these the nearest and the farthest

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp render on a run of the program: which folders it fills, films, and what it refuses.
+// gsapp render on a run of the program: which folders it fills, videos, and what it refuses.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -93,7 +93,7 @@ TEST_F(RenderCommand, TellsProgramsWhereThePicturesAre) {
     ASSERT_EQ(written["folders"].size(), 2u) << outcome.out;
     EXPECT_EQ(written["folders"][0], parse_json(R"({"folder": "told/test", "pictures": 8})"));
     EXPECT_EQ(written["folders"][1], parse_json(R"({"folder": "told/train", "pictures": 40})"));
-    EXPECT_TRUE(written["film"].is_null());
+    EXPECT_TRUE(written["video"].is_null());
 }
 
 TEST_F(RenderCommand, FramesOfTwoCallsAreNeverMixed) {
@@ -177,34 +177,34 @@ TEST_F(RenderCommand, PathsOfNerfstudioAreRendered) {
         R"({"camera_type":"perspective","render_width":33,"render_height":21,"fps":8,"camera_path":[)"
         R"({"camera_to_world":[1,0,0,0,0,0,-1,-4,0,1,0,0.5,0,0,0,1],"fov":50,"aspect":1.57},)"
         R"({"camera_to_world":[1,0,0,0,0,0,-1,-3,0,1,0,0.5,0,0,0,1],"fov":50,"aspect":1.57}]})");
-    const std::string path = fake_ffmpeg("echo \"$@\" >words\nfor last; do :; done\necho film >\"$last\"\n");
-    expect_ok("--path camera_path.json --video film.mp4", path);
+    const std::string path = fake_ffmpeg("echo \"$@\" >words\nfor last; do :; done\necho video >\"$last\"\n");
+    expect_ok("--path camera_path.json --video video.mp4", path);
     EXPECT_EQ(files("run/renders/iteration_2/path"), 2);
     EXPECT_EQ(read_image(program.path("run/renders/iteration_2/path/00001.png")).width, 33);
     EXPECT_NE(program.read("words").find("-framerate 8 "), std::string::npos) << "what the file says";
-    expect_ok("--path camera_path.json --video film.mp4 --fps 12.5", path);
+    expect_ok("--path camera_path.json --video video.mp4 --fps 12.5", path);
     EXPECT_NE(program.read("words").find("-framerate 12.5 "), std::string::npos) << program.read("words");
     program.folder().write("bad.json", R"({"render_width":33,"render_height":21,"camera_path":[{"fov":50}]})");
     expect_refused("--path bad.json", 3, "bad.json: camera_path entry 0: 'camera_to_world' is missing");
     EXPECT_EQ(files("run/renders"), 2);
 }
 
-TEST_F(RenderCommand, FilmsAreMadeByFfmpegOfThePictures) {
-    const std::string good = fake_ffmpeg("echo \"$@\" >words\nfor last; do :; done\necho film >\"$last\"\n");
-    expect_ok("--orbit 3 --video 'my film.mp4'", good);
-    EXPECT_EQ(program.read("my film.mp4"), "film\n");
+TEST_F(RenderCommand, VideosAreMadeByFfmpegOfThePictures) {
+    const std::string good = fake_ffmpeg("echo \"$@\" >words\nfor last; do :; done\necho video >\"$last\"\n");
+    expect_ok("--orbit 3 --video 'my video.mp4'", good);
+    EXPECT_EQ(program.read("my video.mp4"), "video\n");
     const std::string words = program.read("words");
     for (const char* part : {"-framerate 30 ", "run/renders/iteration_2/orbit/%05d.png", "-frames:v 3 ", "libx264",
                              "yuv420p", "trunc(iw/2)*2"})
         EXPECT_NE(words.find(part), std::string::npos) << part << " in " << words;
-    expect_ok("--orbit 3 --decompose -o '50%d/x' --video film.webm", good);
+    expect_ok("--orbit 3 --decompose -o '50%d/x' --video video.webm", good);
     EXPECT_NE(program.read("words").find("50%%d/x/full/%05d.png"), std::string::npos) << program.read("words");
     EXPECT_NE(program.read("words").find("libvpx-vp9"), std::string::npos);
 
     const std::string bad =
         fake_ffmpeg("echo 'Unknown encoder' >&2\nfor last; do :; done\necho half >\"$last\"\nexit 7\n");
-    expect_refused("--orbit 3 --video 'my film.mp4'", 3, "exit code 7:\nUnknown encoder", bad);
-    EXPECT_EQ(program.read("my film.mp4"), "film\n") << "the earlier film stays";
+    expect_refused("--orbit 3 --video 'my video.mp4'", 3, "exit code 7:\nUnknown encoder", bad);
+    EXPECT_EQ(program.read("my video.mp4"), "video\n") << "the earlier video stays";
     EXPECT_EQ(files("run/renders"), 3) << "and the pictures";
     expect_refused("--orbit 3 --video new.mp4", 3, "ffmpeg ended with exit code 0", fake_ffmpeg("exit 0\n"));
     for (const auto& entry : fs::directory_iterator(program.folder().path()))
@@ -212,27 +212,27 @@ TEST_F(RenderCommand, FilmsAreMadeByFfmpegOfThePictures) {
     EXPECT_FALSE(fs::exists(program.path("new.mp4")));
 
     fs::remove_all(program.path("run/renders"));
-    expect_refused("--orbit 3 --video film.mp4", 2, "apt install ffmpeg", "PATH=/nonexistent");
-    expect_refused("--orbit 3 --video film.avi", 2, ".mp4", good);
-    expect_refused("--orbit 3 --size 40x1 --video film.mp4", 2, "at least 2x2", good);
-    expect_refused("--views all --video film.mp4", 2, "--views test", good);
+    expect_refused("--orbit 3 --video video.mp4", 2, "apt install ffmpeg", "PATH=/nonexistent");
+    expect_refused("--orbit 3 --video video.avi", 2, ".mp4", good);
+    expect_refused("--orbit 3 --size 40x1 --video video.mp4", 2, "at least 2x2", good);
+    expect_refused("--views all --video video.mp4", 2, "--views test", good);
     program.folder().write("sizes.json",
                            R"([{"width":8,"height":6,"position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]],"fy":5},)"
                            R"({"width":8,"height":8,"position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]],"fy":5}])");
     EXPECT_EQ(files("run/renders"), -1) << "all of this is said before anything is rendered";
-    fake_ffmpeg("for last; do :; done\necho film >\"$last\"\n");
+    fake_ffmpeg("for last; do :; done\necho video >\"$last\"\n");
     expect_ok("--path sizes.json --size 8x6 --video sizes.mp4", good);
 }
 
-TEST_F(RenderCommand, FilmsOfViewsThatDifferInSizeHaveTheMostFrequentOne) {
-    const std::string ffmpeg = fake_ffmpeg("for last; do :; done\necho film >\"$last\"\n");
+TEST_F(RenderCommand, VideosOfViewsThatDifferInSizeHaveTheMostFrequentOne) {
+    const std::string ffmpeg = fake_ffmpeg("for last; do :; done\necho video >\"$last\"\n");
     const auto camera = [](int width, int height) {
         return R"({"width":)" + std::to_string(width) + R"(,"height":)" + std::to_string(height) +
                R"(,"position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]],"fy":5})";
     };
     program.folder().write("sizes.json",
                            "[" + camera(12, 9) + "," + camera(11, 9) + "," + camera(12, 8) + "," + camera(11, 9) + "]");
-    const Outcome outcome = expect_ok("--path sizes.json -o pictures --video film.mp4", ffmpeg);
+    const Outcome outcome = expect_ok("--path sizes.json -o pictures --video video.mp4", ffmpeg);
     EXPECT_NE(outcome.err.find("the views have 3 sizes"), std::string::npos) << outcome.err;
     EXPECT_NE(outcome.err.find("10x8"), std::string::npos) << outcome.err;
     for (int i = 0; i < 4; ++i) {
@@ -240,7 +240,7 @@ TEST_F(RenderCommand, FilmsOfViewsThatDifferInSizeHaveTheMostFrequentOne) {
         EXPECT_EQ(picture.width, 10);
         EXPECT_EQ(picture.height, 8);
     }
-    EXPECT_EQ(expect_ok("--path sizes.json -o others").err.find("sizes"), std::string::npos) << "without a film";
+    EXPECT_EQ(expect_ok("--path sizes.json -o others").err.find("sizes"), std::string::npos) << "without a video";
     EXPECT_EQ(read_image(program.path("others/00000.png")).width, 12);
 }
 
@@ -267,13 +267,13 @@ TEST_F(RenderCommand, TakesTheWordsOf3dgs) {
     expect_refused("--iteration 7000 -o x", 3, "--save-iterations 7000");
 }
 
-TEST_F(RenderCommand, FilmsPlay) {
+TEST_F(RenderCommand, VideosPlay) {
     if (std::system("ffmpeg -v error -f lavfi -i color=s=16x16:d=0.1 -c:v libx264 -f null - >/dev/null 2>&1") != 0)
         GTEST_SKIP() << "there is no ffmpeg with libx264";
-    expect_ok("--orbit 4 --size 321x181 -o pictures --video film.mp4 --fps 10");
-    const std::string film = program.path("film.mp4").string();
+    expect_ok("--orbit 4 --size 321x181 -o pictures --video video.mp4 --fps 10");
+    const std::string video = program.path("video.mp4").string();
     fs::create_directory(program.path("back"));
-    const std::string decode = "ffmpeg -v error -i '" + film + "' '" + program.path("back").string() + "/%05d.png'";
+    const std::string decode = "ffmpeg -v error -i '" + video + "' '" + program.path("back").string() + "/%05d.png'";
     ASSERT_EQ(std::system(decode.c_str()), 0);
     EXPECT_EQ(files("back"), 4);
     for (int i = 0; i < 4; ++i) {
@@ -288,7 +288,7 @@ TEST_F(RenderCommand, FilmsPlay) {
         EXPECT_LT(error / (320 * 180 * 3), 0.01) << "picture " << i;
     }
     if (std::system("ffmpeg -v error -f lavfi -i color=s=16x16:d=0.1 -c:v libvpx-vp9 -f null - >/dev/null 2>&1") == 0)
-        expect_ok("--orbit 4 -o pictures --video film.webm");
+        expect_ok("--orbit 4 -o pictures --video video.webm");
 }
 
 }  // namespace

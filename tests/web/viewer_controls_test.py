@@ -281,8 +281,8 @@ def check_film(browser, site, downloads):
     films = {}
     for button in ("record-turntable", "record-path"):
         click(browser, button)
-        name, films[button] = downloads.take("a film", 60)
-        check(name == "film.webm" and films[button][:4] == b"\x1a\x45\xdf\xa3", f"it is WebM: {name}, {films[button][:8]}")
+        name, films[button] = downloads.take("a video", 60)
+        check(name == "video.webm" and films[button][:4] == b"\x1a\x45\xdf\xa3", f"it is WebM: {name}, {films[button][:8]}")
     check("Saved" in browser.evaluate(said), "saving is said")
     browser.evaluate("window.MediaRecorder = undefined")
     click(browser, "record-turntable")

@@ -60,7 +60,7 @@ TEST(FrameFolder, IsReplacedAsAWhole) {
 TEST(FrameFolder, KnowsPartsAndLeavesOtherFilesAlone) {
     const test::TemporaryFolder temporary;
     const fs::path folder = temporary.path();
-    for (const char* mine : {"notes.txt", "1234.png", "000x1.png", "00001.jpg", "film.mp4"}) temporary.write(mine, "");
+    for (const char* mine : {"notes.txt", "1234.png", "000x1.png", "00001.jpg", "video.mp4"}) temporary.write(mine, "");
     fs::create_directory(folder / "mine");
     temporary.write("mine/00007.png", "");
     const Names before = contents(folder);

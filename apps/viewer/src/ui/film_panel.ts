@@ -33,7 +33,7 @@ export class FilmPanel {
       play: () => this.run(() => stage.play(path(), this.duration())),
       record: () => this.run(async () => {
         const blob = await stage.record(path(), this.duration());
-        save(blob, 'film.webm');
+        save(blob, 'video.webm');
         this.message.textContent = `Saved, ${(blob.size / 1e6).toFixed(1)} MB.`;
       }),
     });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Calls ffmpeg on a folder of pictures.
-#include "eval/runs/film.h"
+#include "eval/runs/video.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -34,7 +34,7 @@ void require_ffmpeg() {
                                      fmt::join(result.last_lines, "\n")));
     } catch (const UsageError& e) {
         throw UsageError(
-            fmt::format("--video needs ffmpeg to make films: {}. Install it (Debian and Ubuntu: apt install "
+            fmt::format("--video needs ffmpeg to make videos: {}. Install it (Debian and Ubuntu: apt install "
                         "ffmpeg; macOS: brew install ffmpeg; https://ffmpeg.org), or leave --video out",
                         e.what()));
     }
@@ -49,16 +49,16 @@ std::string pattern_in(const fs::path& folder) {
 
 }  // namespace
 
-void require_film(const fs::path& film, const std::vector<View>& views) {
-    if (film.extension() != ".mp4" && film.extension() != ".webm")
-        throw UsageError(fmt::format("--video {}: the name has to end in .mp4 (H.264) or .webm (VP9)", film.string()));
+void require_video(const fs::path& video, const std::vector<View>& views) {
+    if (video.extension() != ".mp4" && video.extension() != ".webm")
+        throw UsageError(fmt::format("--video {}: the name has to end in .mp4 (H.264) or .webm (VP9)", video.string()));
     const Camera& first = views.at(0).camera;
     for (std::size_t i = 0; i < views.size(); ++i) {
         const Camera& camera = views[i].camera;
         if (camera.width < 2 || camera.height < 2)
             throw UsageError(
-                fmt::format("--video: picture {} has {}x{} pixels, and a film needs at least 2x2; --size changes it", i,
-                            camera.width, camera.height));
+                fmt::format("--video: picture {} has {}x{} pixels, and a video needs at least 2x2; --size changes it",
+                            i, camera.width, camera.height));
         if (camera.width != first.width || camera.height != first.height)
             throw UsageError(
                 fmt::format("--video: picture {} has {}x{} pixels and the first {}x{}; --size gives all the same", i,
@@ -67,26 +67,26 @@ void require_film(const fs::path& film, const std::vector<View>& views) {
     require_ffmpeg();
 }
 
-void make_film(const fs::path& film, const fs::path& pictures, std::size_t count, double fps) {
-    const fs::path target = canonical_path(film);
+void make_video(const fs::path& video, const fs::path& pictures, std::size_t count, double fps) {
+    const fs::path target = canonical_path(video);
     const WorkFolder work(target);
-    const fs::path made = canonical_path(work.path()) / "film";
+    const fs::path made = canonical_path(work.path()) / "video";
     std::vector<std::string> words = {"ffmpeg", "-nostdin", "-hide_banner", "-v", "error", "-y", "-f", "image2"};
     const auto add = [&](const std::vector<std::string>& more) { words.insert(words.end(), more.begin(), more.end()); };
     add({"-framerate", fmt::format("{}", fps), "-start_number", "0", "-i", pattern_in(pictures)});
     add({"-frames:v", fmt::format("{}", count), "-vf", kFilter, "-pix_fmt", "yuv420p"});
     add({"-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"});
-    add(film.extension() == ".mp4" ? kMp4 : kWebm);
+    add(video.extension() == ".mp4" ? kMp4 : kWebm);
     add({made.string()});
     const ProcessResult result = run_process(
         words, {}, [](const std::string&) {}, interrupted);
-    if (interrupted()) throw Interrupted(fmt::format("stopped while {} was made", film.string()));
+    if (interrupted()) throw Interrupted(fmt::format("stopped while {} was made", video.string()));
     if (result.exit_code != 0 || !path_exists(made))
         throw DataError(fmt::format("{} was not made: ffmpeg ended with exit code {}{}{}\nThe pictures are in {}.",
-                                    film.string(), result.exit_code, result.last_lines.empty() ? "" : ":\n",
+                                    video.string(), result.exit_code, result.last_lines.empty() ? "" : ":\n",
                                     fmt::join(result.last_lines, "\n"), pictures.string()));
-    if (std::rename(made.c_str(), target.c_str()) != 0) fail_to_write("replace", film, errno);
-    sync_folder(target.parent_path(), film);
+    if (std::rename(made.c_str(), target.c_str()) != 0) fail_to_write("replace", video, errno);
+    sync_folder(target.parent_path(), video);
 }
 
 }  // namespace gs
