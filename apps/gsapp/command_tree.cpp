@@ -40,10 +40,14 @@ OptionWords option_words(const CLI::Option& option) {
     words.is_list = option.get_expected_max() > 1;
     words.is_required = option.get_required();
     if (option.get_items_expected_max() > 0) read_type(option.get_type_name(), words);
-    for (const Option& known : train_option_table())  // whose words CLI11 does not know
-        if (std::find(words.names.begin(), words.names.end(), "--" + known.key) != words.names.end() &&
-            words.help.rfind(known.help, 0) == 0 && known.values.empty())
-            words.choices = known.choices;
+    words.is_basic = words.group == "Options";          // CLI11's own heading, of options that were given no other
+    for (const Option& known : train_option_table()) {  // whose words CLI11 does not know
+        if (std::find(words.names.begin(), words.names.end(), "--" + known.key) == words.names.end() ||
+            !words.help.starts_with(known.help))
+            continue;
+        words.is_basic = known.is_basic;
+        if (known.values.empty()) words.choices = known.choices;
+    }
     return words;
 }
 

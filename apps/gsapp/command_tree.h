@@ -18,6 +18,7 @@ struct OptionWords {
     std::string help, preset;          ///< `preset` is the default, where one is shown
     std::string group;                 ///< heading
     bool needs_value = false, is_list = false, is_required = false;
+    bool is_basic = true;  ///< stands in the help that fits one screen
 
     /// Returns whether the value may be the name of a file or folder.
     bool takes_file() const;

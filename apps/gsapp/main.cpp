@@ -25,6 +25,7 @@
 #include "apps/gsapp/about.h"
 #include "apps/gsapp/bench.h"
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/help.h"
 #include "kernels/core/error.h"
 #include "lib/core/foreign_options.h"
 #include "lib/core/interrupt.h"
@@ -90,6 +91,7 @@ void require_decimal_numbers(CLI::App& app) {
 
 int run(int argc, char** argv) {
     CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
+    set_up_help(app);
     bool is_json = false;  // set too late for the callback, which therefore counts
     const CLI::Option* json = nullptr;
     CLI::Option* version = app.set_version_flag("--version", [&json] {  // asked only then: waking the GPU takes a while

@@ -77,7 +77,10 @@ std::string command_section(const CommandWords& command, const CommandWords& tra
     std::string group;
     bool shares = false;
     for (const OptionWords& option : command.options) {
-        if (std::count(option.names.begin(), option.names.end(), "--help") > 0) continue;
+        const auto has_name = [&](const char* name) {
+            return std::count(option.names.begin(), option.names.end(), name) > 0;
+        };
+        if (has_name("--help") || has_name("--help-all")) continue;
         if (&command != &train && option.names.size() > 0 && is_of_training(option)) {
             shares = true;
             continue;
@@ -130,7 +133,7 @@ interrupted; a checkpoint was written before
 .SH ENVIRONMENT
 .TP
 .B GSAPP_METRIC_WEIGHTS
-folder of weights for learned metrics, where \-\-metric\-weights does not name one
+folder of weights for learned metrics, if \-\-metric\-weights does not name one
 .SH FILES
 The folder
 .I share/gsapp

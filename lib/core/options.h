@@ -50,6 +50,7 @@ struct Option {
     std::string values = {};                ///< allowed values in words, where neither range nor choices say it
     std::vector<std::string> names = {};    ///< further spellings shown in the help ("-s", "--output")
     std::string implicit = {};              ///< value when the flag stands alone; empty = the flag needs a value
+    bool is_basic = false;                  ///< stands in the help that fits one screen
 };
 
 /// All options, grouped, in the order of TrainOptions.

@@ -25,6 +25,8 @@ struct Entry : Option {
     Entry or_max_word(std::string text) { return max_word = std::move(text), *this; }
     /// The value when the flag stands alone.
     Entry alone(std::string value) { return implicit = std::move(value), *this; }
+    /// Lets the option stand in the help that fits one screen.
+    Entry basic() { return is_basic = true, *this; }
     Entry in_words(std::string allowed) { return values = std::move(allowed), *this; }
     Entry in_units(std::string name) { return unit = std::move(name), *this; }
 };
@@ -68,16 +70,19 @@ Entry background(std::string key, Background O::*field, std::string help) {
 std::vector<Option> input_options() {
     return {
         text("source", &O::source, "folder, file or builtin:NAME",
-             "scene to train on: a COLMAP folder, a NeRF-synthetic folder, a transforms.json, or builtin:NAME")
-            .also("-s"),
+             "scene: a COLMAP or NeRF-synthetic folder, a transforms.json, or builtin:NAME")
+            .also("-s")
+            .basic(),
         text("model", &O::model, "folder", "output folder; empty: output/SCENE-APPEARANCE-N with the first free N")
-            .also("-m", "-o", "--output"),
+            .also("-m", "-o", "--output")
+            .basic(),
         text("images", &O::images, "folder name", "image folder inside a COLMAP scene").also("-i"),
         number("resolution", &O::resolution, {-1, 65536, "divisor or px"},
                "1, 2, 4, 8: divisor of the image size; larger: width in pixels; -1: full size, at most 1600 wide")
             .in_words("-1, 1, 2, 4, 8, or 16..65536")
-            .also("-r"),
-        flag("eval", &O::eval, "hold out test views and measure on them"),
+            .also("-r")
+            .basic(),
+        flag("eval", &O::eval, "hold out test views and measure on them").basic(),
         number("test-every", &O::test_every, {0, 1000000, "images"},
                "with eval: every n-th image of the name-sorted list is a test view; 0: none"),
         text("test-list", &O::test_list, "file",
@@ -96,23 +101,27 @@ std::vector<Option> input_options() {
                "decode all images before the training: what cannot be decoded is found then and not after hours; auto: "
                "for up to 4000 images")
             .alone("on"),
-        flag("overwrite", &O::overwrite, "replace a run that is already in the output folder"),
+        flag("overwrite", &O::overwrite, "replace a run that is already in the output folder").basic(),
         text("resume", &O::resume, "file or latest",
-             "continue from a checkpoint file, or from the latest one in the output folder")
-            .alone("latest"),
+             "continue from the latest checkpoint of the output folder; with a file, from that one")
+            .alone("latest")
+            .basic(),
     };
 }
 
 std::vector<Option> run_options() {
     return {
-        number("iterations", &O::iterations, {1, kMaxIterations, "iterations"}, "length of the training"),
+        number("iterations", &O::iterations, {1, kMaxIterations, "iterations"}, "length of the training").basic(),
         choice("preset", &O::preset,
-               "a point between speed and quality, trained by recipe frontier: fast, balanced and best are 5000, 15000 "
-               "and 30000 iterations, about a sixth, a half and all of the time"),
+               "fast, balanced or best: 5000, 15000 or 30000 iterations; about a sixth, a half and all of the time, by "
+               "recipe frontier")
+            .basic(),
         text("time-limit", &O::time_limit, "a duration, e.g. 20s, 5m",
-             "train for this long instead of for a number of iterations, final pruning and saving included"),
+             "train for this long instead of for a number of iterations; final pruning and saving included")
+            .basic(),
         text("size-limit", &O::size_limit, "a number with KB, MB, GB, KiB, MiB or GiB",
-             "train a model whose exported file is at most this large, and at least 95 % of it where that can be"),
+             "train a model whose exported file is at most this large; if possible, at least 95 % of it")
+            .basic(),
         choice("size-of", &O::size_of,
                "the file that size-limit is for: scene.ngsplat of the web export, the PLY, or the .splat file"),
         text("frame-limit", &O::frame_limit, "a duration, e.g. 2ms",
@@ -128,13 +137,12 @@ std::vector<Option> run_options() {
             "progress: rates, degrees and densification follow the share of the run that is done, so that a run of "
             "any length is complete; fixed: they stay at the iterations of a run of 30000, as other programs have it"),
         number("seed", &O::seed, {}, "seed of every random number of the run").in_words("0..2^64-1"),
-        choice("device", &O::device, "where the model is trained; auto: the GPU where there is one"),
+        choice("device", &O::device, "where the model is trained; auto: the GPU if there is one").basic(),
         number("threads", &O::threads, {0, 1024, "threads"}, "CPU threads; 0: all cores. Results do not depend on it"),
-        number(
-            "ranks", &O::ranks, {1, kAllGpus, "processes"},
-            "processes of this machine that train one model together, each with a part of the Gaussians "
-            "and, where that is the device, a GPU of its own; all: one for each GPU; torchrun and srun start them on "
-            "several machines (docs/ranks.md)")
+        number("ranks", &O::ranks, {1, kAllGpus, "processes"},
+               "processes of this machine that train one model together, each with a part of the Gaussians "
+               "and, on GPUs, one of its own; all: one for each GPU; torchrun and srun start them on "
+               "several machines (docs/ranks.md)")
             .also("--gpus")
             .or_max_word("all"),
         number("batch", &O::batch, {0, 100, "views"},
@@ -157,7 +165,8 @@ std::vector<Option> run_options() {
         number("preview-every", &O::preview_every, {0, kMaxIterations, "iterations"},
                "save a preview image every n iterations; 0: never"),
         background("background", &O::background,
-                   "colour behind the scene, in training and evaluation; random: new in every iteration"),
+                   "colour behind the scene, in training and evaluation; random: new in every iteration")
+            .basic(),
     };
 }
 
@@ -196,7 +205,8 @@ std::vector<Option> appearance_options() {
     return {
         one_of("appearance", &O::appearance, models,
                "view-dependent colour of one Gaussian; auto: the smallest model that held-out training views show to "
-               "be enough, found in a part of the time of the training"),
+               "be enough, found in a part of the time of the training")
+            .basic(),
         number(
             "appearance-share", &O::appearance_share, {0, 1},
             "share of the Gaussians whose colour depends on the view at the end; they are chosen from half of the run "
@@ -232,8 +242,9 @@ std::vector<Option> start_options() {
 std::vector<Option> photometric_options() {
     return {
         choice("ppisp", &O::ppisp,
-               "learn exposure and colour of every image, vignetting and response of every camera beside the scene; "
-               "auto: only if the images turn out to differ after a thirtieth of the training"),
+               "learn exposure and colour of every image; also vignetting and response of every camera; "
+               "auto: only if the images turn out to differ after a thirtieth of the training")
+            .basic(),
         flag("ppisp-exif", &O::ppisp_exif,
              "with ppisp: exposures start from the images' EXIF data, which the controller is told as well"),
         text("ppisp-from", &O::ppisp_from, "file ppisp.json",
@@ -289,7 +300,7 @@ std::vector<Option> rate_options() {
         choice(
             "adam", &O::adam,
             "which Gaussians take a step: all, or those that its view shows, which make up for what they missed; the "
-            "latter is faster where views show a part of the scene"),
+            "latter is faster if views show only a part of the scene"),
         number("ppisp-lr", &O::ppisp_lr, {0, 1},
                "rate of exposures, colours, vignetting and responses after 500 of 30000 iterations, falling by 100 to "
                "the end; "
@@ -303,18 +314,18 @@ std::vector<Option> densification_options() {
                "how the number of Gaussians changes: mcmc = relocate and grow to the cap, adc = the original 3DGS "
                "rule"),
         flag("speedy-splat", &O::speedy_splat,
-             "with adc: every tenth of the training, from a fifth on, remove the Gaussians that the training images "
-             "depend on "
-             "least; 80 % of them while densification lasts, then 30 %")
+             "with adc: after each tenth of the training, from the second on, remove the Gaussians on which the "
+             "training images depend least; 80 % of them while densification lasts, then 30 %")
             .also("--speedy"),
         number(
             "cap-max", &O::cap_max, {1, 1e9, "Gaussians"},
             "largest number of Gaussians; growth stops there, an initial model above it is kept; unless named, 100000 "
-            "for built-in scenes"),
+            "for built-in scenes")
+            .basic(),
         number("densify-from-iter", &O::densify_from_iter, {-1, kMaxIterations, "iterations"},
-               "first iteration that changes the number; -1: 600 of 30000"),
+               "first iteration that changes the number of Gaussians; -1: 600 of 30000"),
         number("densify-until-iter", &O::densify_until_iter, {-1, kMaxIterations, "iterations"},
-               "last iteration that changes the number; -1: 24900 of 30000 with mcmc, 14900 otherwise"),
+               "last iteration that changes the number of Gaussians; -1: 24900 of 30000 with mcmc, 14900 otherwise"),
         number("densification-interval", &O::densification_interval, {-1, kMaxIterations, "iterations"},
                "iterations between two changes; -1: 100 of 30000, at least 10"),
         number("densify-grad-threshold", &O::densify_grad_threshold, {0, 1},
@@ -332,10 +343,11 @@ std::vector<Option> densification_options() {
 
 std::vector<Option> logging_options() {
     return {
-        flag("quiet", &O::quiet, "no progress and no messages below warnings").also("-q"),
+        flag("quiet", &O::quiet, "no progress and no messages below warnings").also("-q").basic(),
         flag("verbose", &O::verbose,
-             "messages of level debug: the options in force and the files that are read, images excepted")
-            .also("-v"),
+             "messages of level debug, too; the options in force, the plan, the files that are read but for images")
+            .also("-v")
+            .basic(),
         choice("log-level", &O::log_level, "least important messages that are shown"),
         text("tensorboard", &O::tensorboard, "folder",
              "folder for an event file of TensorBoard with loss, scores, number of Gaussians, learning rates and "

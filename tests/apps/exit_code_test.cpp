@@ -5,6 +5,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <algorithm>
 
 #include "tests/apps/program.h"
 #include "tests/eval/support/tiny_run.h"
@@ -28,7 +29,23 @@ void expect_refusal(const Program& program, const std::string& arguments, int ex
 TEST(ExitCode, HelpAndVersionAreNoErrors) {
     const Program program;
     EXPECT_EQ(program.run("--help").exit_code, 0);
-    EXPECT_EQ(program.run("train --help").exit_code, 0);
+    const Outcome help = program.run("train --help"), all = program.run("train --help-all");
+    EXPECT_EQ(help.exit_code, 0);
+    EXPECT_EQ(all.exit_code, 0);
+    for (const char* command : {"", "train", "eval", "render", "export", "view", "prepare", "bench", "bench frames",
+                                "bench suite", "bench precision", "tradeoff", "metrics"}) {
+        const std::string text = program.run(std::string(command) + " --help").out;
+        EXPECT_LE(std::count(text.begin(), text.end(), '\n'), 40) << "one screen\n" << text;
+    }
+    for (std::size_t at = 0; at < help.out.size(); at = help.out.find('\n', at) + 1)
+        EXPECT_LE(help.out.find('\n', at) - at, 100u) << help.out.substr(at, 120);
+    for (const char* basic : {"--iterations", "--cap-max", "--time-limit", "Examples:", "--help-all"})
+        EXPECT_NE(help.out.find(basic), std::string::npos) << basic << "\n" << help.out;
+    for (const char* other : {"--scaling-lr", "--opacity-reset-interval", "Densification:"}) {
+        EXPECT_EQ(help.out.find(other), std::string::npos) << other;
+        EXPECT_NE(all.out.find(other), std::string::npos) << other;
+    }
+    EXPECT_NE(program.run("train --scaling-lrr 1").err.find("did you mean '--scaling-lr'"), std::string::npos);
     const Outcome version = program.run("--version");
     EXPECT_EQ(version.exit_code, 0);
     EXPECT_EQ(version.out.rfind("gsapp ", 0), 0u) << version.out;

@@ -254,7 +254,7 @@ def known_options(program):
     text = said("--help") + said("options", "--coming-from") + said("options", "--markdown")
     commands = re.findall(r"^  ([a-z][a-z-]*)  ", text[text.index("Subcommands:"):], re.MULTILINE)
     for command in [[name] for name in commands] + [["bench", n] for n in ("frames", "suite", "precision", "stability")]:
-        text += said(*command, "--help")
+        text += said(*command, "--help-all")
     return set(OPTION.findall(text))
 
 
@@ -291,7 +291,7 @@ BAD = [
     ("`--known`", "`--unknown`", "no command has the option --unknown"),
 ]
 STAND_IN = """#!/bin/sh
-case "$*" in fails) exit 7 ;; *--help|options*) printf 'Subcommands:\\n  train  does\\n --known\\n'; exit 0 ;; esac
+case "$*" in fails) exit 7 ;; *--help*|options*) printf 'Subcommands:\\n  train  does\\n --known\\n'; exit 0 ;; esac
 while [ $# -gt 0 ]; do case $1 in -m) mkdir -p "$2"; echo x > "$2/results.json" ;; esac; shift; done
 """
 
