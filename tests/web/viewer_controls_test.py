@@ -5,15 +5,17 @@ Usage: viewer_controls_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/
 """
 
 import json
+import math
 import pathlib
 import shutil
 import struct
 import sys
 import tempfile
+import time
 
 from browser import Browser, check, check_accessible, find_chromium
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
-from viewer_scenes import BACKGROUND, Downloads, drop, message, pixel, scene_file, unit
+from viewer_scenes import BACKGROUND, Downloads, box_ply, drop, message, pixel, scene_file, unit
 
 OWN = [round(255 * x) for x in BACKGROUND]
 COUNT = 3000
@@ -43,11 +45,11 @@ def hash_to(browser, text):
     browser.evaluate(f"new Promise(resolve => {{ addEventListener('hashchange', () => requestAnimationFrame(() => requestAnimationFrame(resolve)), {{ once: true }}); location.hash = '{text}'; }})")
 
 
-def key(browser, name, text=None):
+def key(browser, name, text=None, modifiers=0):
     """Presses a key that the picture gets."""
     browser.evaluate("document.getElementById('canvas').focus()")
-    browser.call("Input.dispatchKeyEvent", type="keyDown", key=name, text=text or "")
-    browser.call("Input.dispatchKeyEvent", type="keyUp", key=name)
+    browser.call("Input.dispatchKeyEvent", type="keyDown", key=name, text=text or "", modifiers=modifiers)
+    browser.call("Input.dispatchKeyEvent", type="keyUp", key=name, modifiers=modifiers)
 
 
 def value(browser, name):
@@ -154,7 +156,7 @@ def check_frame(browser, site):
         return [left / w, right / w, low / h, high / h];
     }})()"""
     is_outside = f"(([left, right, low, high]) => low === 0 && high > 0.99)({reach})"
-    fits = f"(([left, right, low, high]) => Math.min(left, low) > 0 && Math.max(right, high) < 0.995 && right - left > 0.75)({reach})"
+    fits = f"(([left, right, low, high]) => Math.min(left, low) > 0 && Math.max(right, high) < 0.995 && high - low > 0.75)({reach})"
     wait_for(browser, is_outside, "the ball does not fit the view")
     click(browser, "frame")
     wait_for(browser, fits, "by a button all of it is seen, and fills the view")
@@ -168,6 +170,56 @@ def check_frame(browser, site):
     click(browser, "next")
     key(browser, "r", "r")
     check(fragment(browser) == "", "also by key")
+
+
+# The middle of the picture as it is drawn, and the share of the picture that is not black.
+SEEN = """(() => {
+    const canvas = document.getElementById('canvas'), gl = canvas.getContext('webgl2'), [w, h] = [canvas.width, canvas.height], all = new Uint8Array(4 * w * h);
+    dispatchEvent(new Event('resize')); // draws
+    gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, all);
+    const at = (x, y) => [...all.subarray(4 * (w * y + x), 4 * (w * y + x) + 3)].map((v) => v > 128);
+    let covered = 0, edge = 0;
+    for (let i = 0; i < w * h; ++i) if (Math.max(...all.subarray(4 * i, 4 * i + 3)) > 64) {
+        ++covered;
+        edge += i < w || i >= w * (h - 1) || i % w === 0 || i % w === w - 1;
+    }
+    return { colours: [0.4, 0.45, 0.5, 0.55, 0.6].map((y) => at(w >> 1, Math.round(h * y)).map(Number).join('')), covered: covered / (w * h), edge };
+})()"""
+
+
+def check_first_view(browser, site):
+    """Photographs that lie are shown upright; a model without cameras opens on its front, the whole in sight, whatever axis is up."""
+    fresh(browser, site.url)
+    for quarters, lies in ((0, False), (1, True), (3, True), (2, True)):
+        name = f"turned {quarters}.ngsplat"
+        drop(browser, name, scene_file(300, quarters))
+        wait_for(browser, f"document.getElementById('name').textContent === '{name}'", f"{name} is shown")
+        check(fragment(browser) == "" and (shown(browser) == "Free") == lies, f"{name}: what lies is shown upright: {shown(browser)}")
+    click(browser, "next")
+    check(shown(browser) == "Test view 1", "the photograph as it is can be chosen")
+
+    majority = lambda: max(colours := browser.evaluate(SEEN)["colours"], key=colours.count)
+    drop(browser, "box.ply", box_ply())
+    wait_for(browser, "document.getElementById('name').textContent === 'box.ply'", "a box without cameras is shown")
+    fragment(browser)
+    seen = browser.evaluate(SEEN)
+    check(majority() == "100", f"from its front: {seen}")
+    check(seen["covered"] > 0.15 and seen["edge"] == 0, f"the whole, and not as a speck: {seen}")
+    choose = lambda axis: browser.evaluate(f"{{ const up = document.getElementById('up'); up.value = '{axis}'; up.dispatchEvent(new Event('change')); }}")
+    for axis, colour in (("y", "001"), ("z", "111"), ("-z", "010"), ("", "100")):
+        choose(axis)
+        link = fragment(browser)
+        check(majority() == colour, f"with {axis or 'the own axis'} up it shows another front: {majority()}")
+        check(link == (f"#up={axis}" if axis else ""), f"the link says so: {link}")
+    click(browser, "frame")
+    fragment(browser)
+    seen = browser.evaluate(SEEN)
+    check(seen["covered"] > 0.15 and seen["edge"] == 0, f"the whole scene is not a speck, either: {seen}")
+    check(max(abs(x) for x in pose(browser)[1]) < 0.2, f"and the camera turns about its middle: {pose(browser)}")
+    drop(browser, "z.ply", box_ply(comment="Vertical Axis: z"))
+    wait_for(browser, "document.getElementById('name').textContent === 'z.ply'", "a box that says which axis is up")
+    fragment(browser)
+    check(majority() == "111", f"the axis that a file names is up: {majority()}")
 
 
 def check_keys(browser, site):
@@ -189,6 +241,7 @@ def check_keys(browser, site):
     wait_for(browser, "document.getElementById('dismiss').checkVisibility()", "a message")
     browser.press("Escape", 27)
     check(message(browser) == "", "Escape closes messages")
+    click(browser, "toggle")
     browser.evaluate("{ const field = document.getElementById('repeats'); field.closest('details').open = true; field.focus(); }")
     browser.call("Input.dispatchKeyEvent", type="keyDown", key="?", text="?")
     check(not browser.evaluate(is_open), "in a field, ? is a character")
@@ -200,6 +253,194 @@ def check_keys(browser, site):
     wait_for(browser, "document.fullscreenElement?.id === 'stage'", "also by key")
     key(browser, "x", "x")
     wait_for(browser, "!document.fullscreenElement", "and back")
+
+
+CLOCK = """{
+    window.clockTime = 1000; window.waiting = [];
+    performance.now = () => clockTime;
+    window.requestAnimationFrame = (action) => waiting.push(action);
+    window.cancelAnimationFrame = (id) => { waiting[id - 1] = () => undefined; };
+    window.pass = (milliseconds) => { clockTime += milliseconds; waiting.splice(0).forEach((action) => action(clockTime)); };
+}"""
+
+
+def stop_clock(browser):
+    """From here on time passes in the page when `passes` says so, a frame at a time."""
+    browser.evaluate(CLOCK)
+
+
+def passes(browser, *milliseconds):
+    browser.evaluate(f"{list(milliseconds)}.forEach(pass)")
+
+
+def pose(browser):
+    """From where to what point the camera looks, as it is now."""
+    click(browser, "copy-link")  # which brings the address up to date at once
+    pairs = dict(pair.split("=") for pair in browser.evaluate("location.hash.slice(1)").split("&") if pair)
+    return tuple([float(x) for x in pairs[name].split(",")] for name in ("from", "to"))
+
+
+def mouse(browser, *events, button="left"):
+    """Events of a mouse: its kind and where it is."""
+    for kind, x, y in events:
+        browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, buttons=1, clickCount=1)
+
+
+def minus(a, b):
+    return [x - y for x, y in zip(a, b)]
+
+
+def check_visitor(browser, site):
+    """What someone sees who follows a link: the picture, without the tools of research, and keys that work at once."""
+    fresh(browser, site.url)
+    visible = lambda: browser.evaluate("['controls', 'meter', 'toggle', 'open-help', 'name'].filter(id => document.getElementById(id).checkVisibility())")
+    check(visible() == ["toggle", "open-help", "name"], f"the settings and the counters are closed: {visible()}")
+    browser.call("Input.dispatchKeyEvent", type="keyDown", key="ArrowLeft")
+    browser.call("Input.dispatchKeyEvent", type="keyUp", key="ArrowLeft")
+    check((at := fragment(browser)).startswith("#from=") and "panel" not in at, f"a key moves the camera before anything is clicked: {at}")
+    click(browser, "toggle")
+    check(visible() == ["controls", "meter", "toggle", "open-help", "name"], f"a click opens them: {visible()}")
+    check((at := fragment(browser)).endswith("&panel=open"), f"the link remembers it: {at}")
+    fresh(browser, site.url + at)
+    check("controls" in visible() and fragment(browser) == at, "and opens them elsewhere")
+    click(browser, "toggle")
+    check("panel" not in fragment(browser) and "controls" not in visible(), "closed again, it says nothing")
+
+
+def check_every_key(browser, site, downloads):
+    """Presses every key that the help names, and sees what it does."""
+    browser.call("Emulation.setDeviceMetricsOverride", width=400, height=300, deviceScaleFactor=1, mobile=False)  # drawn in software, small pictures save time
+    fresh(browser, site.url)
+    documented = {part: set(browser.evaluate(f"[...document.querySelectorAll('#help-{part} kbd')].map(k => k.textContent)")) for part in ("keys", "orbit", "fly")}
+    start = "from=0,0,-4&to=0,0,0"  # up is -y, and right x
+
+    def from_start(action, more=""):
+        hash_to(browser, "mode=base")
+        hash_to(browser, start + more)
+        action()
+        passes(browser, 1000, 100)
+        at, to = pose(browser)
+        return [minus(at, [0, 0, -4]), to], math.dist(at, to) - 4
+
+    names = {"←": "ArrowLeft", "→": "ArrowRight", "↑": "ArrowUp", "↓": "ArrowDown", "−": "-"}
+    stop_clock(browser)
+    browser.evaluate("{ const draw = setInterval(() => pass(0), 20); }")  # frames come, while no time passes
+    orbit = {"←": (0, -1), "→": (0, 1), "↑": (1, -1), "↓": (1, 1)}
+    check(documented["orbit"] == {*orbit, "+", "−", "Shift"}, f"the test knows the keys of orbit: {documented['orbit']}")
+    for name, (axis, sign) in orbit.items():
+        (at, to), farther = from_start(lambda: key(browser, names[name]))
+        check(at[axis] * sign > 0.1 and to == [0, 0, 0] and abs(farther) < 0.01, f"{name} turns the camera around the model: {at}, {to}")
+        (at, to), _ = from_start(lambda: key(browser, names[name], modifiers=8))
+        check(at[axis] * sign > 0.05 and math.dist(at, to) < 0.01, f"Shift with {name} moves camera and model along: {at}, {to}")
+    for name, sign in (("+", -1), ("=", -1), ("-", 1)):
+        (_, to), farther = from_start(lambda: key(browser, name, name))
+        check(0.1 < sign * farther < 0.5 and to == [0, 0, 0], f"{name} comes {'closer' if sign < 0 else 'less close'}: by {farther}")
+
+    def hold(name):
+        browser.call("Input.dispatchKeyEvent", type="keyDown", key=names.get(name, name))
+        passes(browser, *[50] * 4)
+        browser.call("Input.dispatchKeyEvent", type="keyUp", key=names.get(name, name))
+
+    fly = {"W": (2, 1), "S": (2, -1), "A": (0, -1), "D": (0, 1), "Q": (1, 1), "E": (1, -1)}
+    check(documented["fly"] == {*fly, *orbit}, f"the test knows the keys of flying: {documented['fly']}")
+    browser.evaluate("document.getElementById('canvas').focus()")
+    for name, (axis, sign) in fly.items():
+        (at, to), _ = from_start(lambda: hold(name.lower()), "&move=fly")
+        check(at[axis] * sign > 0.1 and all(abs(at[k]) < 1e-3 for k in range(3) if k != axis), f"{name} moves the camera: {at}")
+    for name, (axis, sign) in orbit.items():
+        (at, to), _ = from_start(lambda: hold(name), "&move=fly")
+        check(at == [0, 0, 0] and to[axis] * sign > 0.1, f"{name} looks around: {at}, {to}")
+
+    fresh(browser, site.url)
+    keyframes = "document.getElementById('keyframes').children.length"
+    effects = {
+        "?": lambda: wait_for(browser, "document.getElementById('help').open", "? opens the help"),
+        "F": lambda: check((at := fragment(browser)).startswith("#from="), f"F shows the whole scene: {at}"),
+        "R": lambda: check((at := fragment(browser)) == "", f"R shows the first view: {at}"),
+        "X": lambda: wait_for(browser, "document.fullscreenElement?.id === 'stage'", "X fills the screen"),
+        "P": lambda: check(downloads.take("the picture")[1][:4] == b"\x89PNG", "P saves the picture"),
+        "K": lambda: check(browser.evaluate(keyframes) == 1, "K adds a keyframe"),
+    }
+    check(documented["keys"] == set(effects), f"the test knows the other keys: {documented['keys']}")
+    for name in "FRKPX?":
+        key(browser, name.lower(), name.lower())
+        effects[name]()
+    browser.press("Escape", 27)
+    browser.call("Runtime.evaluate", expression="document.exitFullscreen()", awaitPromise=True)
+    browser.call("Emulation.clearDeviceMetricsOverride")
+
+
+def check_drag(browser, site):
+    """A drag goes on for a moment, unless less motion is asked for; either way it goes as far."""
+    ends = []
+    for motion in ("no-preference", "reduce"):
+        browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-reduced-motion", "value": motion}])
+        for move in ("orbit", "fly"):
+            fresh(browser, site.url)
+            hash_to(browser, f"from=0,0,-4&to=0,0,0&move={move}")
+            stop_clock(browser)
+            mouse(browser, ("mousePressed", 300, 300), ("mouseMoved", 340, 300), ("mouseMoved", 380, 300))
+            passes(browser, 20)
+            mouse(browser, ("mouseReleased", 380, 300))
+            at = [pose(browser)]
+            for _ in range(2):
+                passes(browser, *[50] * 30)
+                at.append(pose(browser))
+            glided, later = math.dist(*[a[0] + a[1] for a in at[:2]]), math.dist(*[a[0] + a[1] for a in at[1:]])
+            check(later == 0, f"{move}, {motion}: it comes to rest")
+            check(glided > 0.1 if motion == "no-preference" else glided == 0, f"{move}, {motion}: it goes on by {glided} after the mouse is released")
+            ends.append(at[-1])
+    browser.call("Emulation.setEmulatedMedia", features=[])
+    check(all(math.dist(a, b) < 0.02 for first, second in zip(ends[:2], ends[2:]) for a, b in zip(first, second)), f"as far with less motion: {ends}")
+
+
+def check_focus(browser, site):
+    """A double click turns to what is there, and the camera moves around it from then on."""
+    fresh(browser, site.url + "#from=0,0,-4&to=0,0,0")
+    middle = browser.evaluate("(({ clientWidth, clientHeight }) => [clientWidth / 2, clientHeight / 2])(document.getElementById('canvas'))")
+    twice = lambda x, y: [browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=2) for kind in ("mousePressed", "mouseReleased")]
+    twice(5, 5)
+    check(fragment(browser) == "#from=0,0,-4&to=0,0,0&fov=45.24", f"there is nothing to turn to: {browser.evaluate('location.hash')}")
+    twice(middle[0] + 90, middle[1] - 60)
+    wait_for(browser, "!location.hash.includes('&to=0,0,0&')", "it turns")
+    time.sleep(1)
+    at, to = pose(browser)
+    check(at == [0, 0, -4] and abs(math.hypot(*to) - 1) < 0.15, f"to the surface of the ball, from where it is: {at}, {to}")
+    check(to[0] > 0.2 and to[1] < -0.1 and to[2] < -0.5, f"where the click was: {to}")
+    key(browser, "ArrowLeft")
+    fragment(browser)
+    turned, same = pose(browser)
+    check(math.dist(to, same) < 1e-3 and math.dist(turned, at) > 0.1 and abs(math.dist(turned, to) - math.dist(at, to)) < 1e-2, f"keys turn around it: {turned}, {same}")
+
+
+def check_speed(browser, site):
+    fresh(browser, site.url + "#from=0,0,-4&to=0,0,0&move=fly")
+    stop_clock(browser)
+    ways = []
+    for notches in (0, 3):
+        for _ in range(notches):
+            browser.call("Input.dispatchMouseEvent", type="mouseWheel", x=300, y=300, deltaX=0, deltaY=-100)
+        before, _ = pose(browser)
+        browser.evaluate("document.getElementById('canvas').focus()")
+        browser.call("Input.dispatchKeyEvent", type="keyDown", key="s")
+        passes(browser, *[50] * 4)
+        browser.call("Input.dispatchKeyEvent", type="keyUp", key="s")
+        passes(browser, 50)
+        ways.append(math.dist(before, pose(browser)[0]))
+    check(abs(ways[1] / ways[0] - 1.25 ** 3) < 0.01, f"the wheel makes flying faster: {ways}")
+    check(browser.evaluate("document.getElementById('said').textContent") == "Speed × 2", "and says by how much")
+
+
+def check_help_on_phone(browser, site):
+    """On a phone, every line of the help has room for its words."""
+    browser.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+    fresh(browser, site.url)
+    click(browser, "open-help")
+    narrow = browser.evaluate("[...document.querySelectorAll('#help :is(p, dt, dd)')].filter(e => e.clientWidth < 250).map(e => e.textContent)")
+    check(narrow == [], f"narrower than they are long: {narrow}")
+    check(browser.evaluate("(({ left, right }) => left >= 0 && right <= 390)(document.getElementById('help').getBoundingClientRect())"), "it is within the screen")
+    check(browser.evaluate("(h => h.scrollWidth <= h.clientWidth)(document.getElementById('help'))"), "and needs no scrolling aside")
+    browser.call("Emulation.clearDeviceMetricsOverride")
 
 
 def check_embedded(browser, site):
@@ -346,6 +587,7 @@ def check_accessibility(browser, site):
     fresh(browser, site.url)
     states = {
         "the page": "",
+        "the settings": "document.getElementById('toggle').click()",
         "all settings": "document.querySelectorAll('details').forEach(d => d.open = true); document.getElementById('add-keyframe').click()",
         "the keys": "document.getElementById('open-help').click()",
         "a message": "document.querySelector('#help button').click(); document.getElementById('notice').hidden = false; document.getElementById('notice-title').textContent = 'A message'",
@@ -374,7 +616,14 @@ def main():
             check_link(browser, site)
             check_settings(browser, site, downloads)
             check_frame(browser, site)
+            check_first_view(browser, site)
+            check_visitor(browser, site)
             check_keys(browser, site)
+            check_every_key(browser, site, downloads)
+            check_drag(browser, site)
+            check_focus(browser, site)
+            check_speed(browser, site)
+            check_help_on_phone(browser, site)
             check_film(browser, site, downloads)
             check_lost_device(browser, site)
             check_embedded(browser, site)

@@ -149,6 +149,7 @@ def check_link(browser, site):
 
 def check_controls(browser, url):
     open_viewer(browser, url)
+    browser.evaluate("document.getElementById('toggle').click()")
     controls = "[...document.querySelectorAll('button, select, input, summary, a, canvas')].filter(c => c.checkVisibility() && !c.disabled)"
     nameless = browser.evaluate(f"{controls}.filter(c => !c.labels?.length && !c.ariaLabel && !c.textContent.trim()).map(c => c.outerHTML)")
     check(nameless == [], f"without a label: {nameless}")

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The fragment of the page's address: the camera and the settings as key=value pairs, so that a link shows the same picture.
 
-import type { MovementName } from './camera/navigator';
+import { AXES, type AxisName, type MovementName } from './camera/navigator';
 import { LARGEST_NUMBER } from './format/cursor';
 import type { Vector } from './format/vector';
 import { MODES, type Mode } from './render/prepass';
@@ -20,6 +20,7 @@ export interface Address {
 }
 
 const LARGEST_FOV = 175;
+const PANEL = ['open', 'closed'] as const;
 /** More levels than any model has. */
 const MOST_DETAIL = 99;
 
@@ -48,11 +49,13 @@ export function formatAddress({ settings, camera, compared }: Address, size: num
   if (settings.mode !== DEFAULTS.mode) pairs.push(['mode', settings.mode]);
   if (!settings.photometric) pairs.push(['exposure', 'off']);
   if (settings.movement !== DEFAULTS.movement) pairs.push(['move', settings.movement]);
+  if (settings.up) pairs.push(['up', settings.up]);
   if (settings.background) pairs.push(['background', hexColor(settings.background)]);
   if (settings.splatSize !== DEFAULTS.splatSize) pairs.push(['size', short(settings.splatSize)]);
   if (settings.points) pairs.push(['points', 'on']);
   if (settings.near > 0) pairs.push(['near', short(settings.near)]);
   if (settings.detail !== undefined) pairs.push(['detail', String(settings.detail)]);
+  if (settings.panel !== undefined) pairs.push(['panel', settings.panel ? 'open' : 'closed']);
   if (compared) pairs.push(['compare', `${compared.left},${compared.right}`]);
   if (compared && percent(compared.split) !== percent(MIDDLE)) pairs.push(['split', percent(compared.split)]);
   return pairs.map((pair) => pair.join('=')).join('&');
@@ -83,6 +86,7 @@ export function parseAddress(text: string): Address {
   const given = new URLSearchParams(text.replace(/^#/, ''));
   const detail = numbers(given.get('detail'), 1, 0, MOST_DETAIL)?.[0];
   const choice = <T extends string>(key: string, known: readonly T[]): T | undefined => known.find((name) => name === given.get(key));
+  const panel = choice('panel', PANEL);
   return {
     camera: parseCamera(given),
     compared: parseCompared(given),
@@ -90,11 +94,13 @@ export function parseAddress(text: string): Address {
       mode: choice<Mode>('mode', MODES) ?? DEFAULTS.mode,
       photometric: given.get('exposure') !== 'off',
       movement: choice<MovementName>('move', ['orbit', 'fly']) ?? DEFAULTS.movement,
+      up: choice<AxisName>('up', AXES),
       background: colorOf(given.get('background') ?? ''),
       splatSize: numbers(given.get('size'), 1, SPLAT_SIZES.least, SPLAT_SIZES.most)?.[0] ?? DEFAULTS.splatSize,
       points: given.get('points') === 'on',
       near: numbers(given.get('near'), 1, 0)?.[0] ?? DEFAULTS.near,
       detail: Number.isInteger(detail) ? detail : DEFAULTS.detail,
+      panel: panel === undefined ? DEFAULTS.panel : panel === 'open',
     },
   };
 }

@@ -2,16 +2,18 @@
 // The page: one renderer, at most one model, and what the user asked to see of it.
 
 import { AddressBar, formatAddress, parseAddress, type Address } from './address';
-import { CenterSample } from './camera/extent';
-import { Navigator } from './camera/navigator';
+import { ModelSample } from './camera/extent';
+import { axisOf, Navigator } from './camera/navigator';
 import type { View } from './camera/view';
 import { Comparison } from './compare/comparison';
 import type { Site } from './compare/site';
 import { Films } from './films';
 import type { Scene } from './format/ngsplat';
 import type { Plane } from './format/reader';
+import type { Vector } from './format/vector';
 import { Levels, type Level } from './levels/levels';
 import { ModelLoader, type Stage } from './loader';
+import { PAGE } from './page';
 import { Pictures, type Subject } from './pictures';
 import type { Mode } from './render/prepass';
 import { Renderer } from './render/renderer';
@@ -25,12 +27,15 @@ import { onKeys } from './ui/keys';
 import { Meter } from './ui/meter';
 import { hideNotice, showError } from './ui/notice';
 import { Panel, sceneInfo } from './ui/panel';
+import { focusPicture, showSpeed } from './ui/picture';
 
 /** Milliseconds between two pictures of a model that is on its way. */
 const REFRESH = 200;
 
 interface Loaded extends Subject {
-  sample: CenterSample;
+  sample: ModelSample;
+  /** Whether it is the model that the page was made for. */
+  isOwn: boolean;
   sorter?: SortClient;
 }
 
@@ -79,11 +84,13 @@ export class App implements Stage {
       camera: (index) => this.move((navigator) => (index === undefined ? navigator.unpin() : navigator.pin(index))),
       frame: this.frame, reset: this.reset, copyLink: () => this.copyLink(), savePicture,
     });
+    this.settings.panel = parseAddress(location.hash).settings.panel; // at once; the rest waits for the model
     this.panel.show(this.settings);
     const saved = () => void savePicture().catch((error: Error) => this.fail('The picture cannot be saved', error.message));
     const { canvas } = this.screen, stop = () => this.films.stop();
     onKeys(canvas, { f: this.frame, r: this.reset, x: toggleFullscreen, p: saved, k: () => this.loaded && this.films.addKeyframe() }, stop);
     for (const event of ['pointerdown', 'wheel', 'keydown']) canvas.addEventListener(event, stop);
+    canvas.addEventListener('dblclick', ({ offsetX, offsetY }) => void this.turnTo(offsetX / canvas.clientWidth, offsetY / canvas.clientHeight));
     addEventListener('hashchange', (event) => {
       const { hash } = new URL(event.newURL); // the address may have been brought up to date since
       if (this.loaded) this.apply(hash);
@@ -112,9 +119,10 @@ export class App implements Stage {
   }
 
   private change(settings: Partial<Settings>): void {
-    const { movement } = this.settings;
+    const { movement, up } = this.settings;
     Object.assign(this.settings, settings);
     if (this.settings.movement !== movement) this.loaded?.navigator.setMovement(this.settings.movement);
+    if (this.settings.up !== up) this.loaded?.navigator.setUp(this.up(this.loaded.scene));
     this.panel.show(this.settings);
     if ('detail' in settings) this.levels.choose(this.settings.detail);
     this.redraw();
@@ -125,13 +133,26 @@ export class App implements Stage {
     this.redraw();
   }
 
-  private readonly frame = () => this.move((navigator, { sample }) => navigator.frame(sample.extent()));
+  private readonly frame = () => this.move((navigator) => navigator.frame());
   private readonly reset = () => this.move((navigator) => navigator.reset());
+
+  /** Turns to what is seen at a place of the picture, given as shares of its width and height. */
+  private async turnTo(x: number, y: number): Promise<void> {
+    const { loaded } = this;
+    if (!loaded || this.isReserved) return;
+    const point = await this.pictures.pointAt(x, y);
+    if (point && loaded === this.loaded) this.move((navigator) => navigator.turnTo(point));
+  }
+
+  /** The direction that is up in a scene. */
+  private up(scene: Scene): Vector {
+    return this.settings.up ? axisOf(this.settings.up) : scene.up;
+  }
 
   /** What the address says of the picture. */
   private state(): Address {
     const { settings, comparison: { compared } } = this, navigator = this.loaded?.navigator;
-    if (!navigator || navigator.isFirst || navigator.pinned === 0) return { settings, compared };
+    if (!navigator || navigator.isFirst) return { settings, compared };
     return { settings, compared, camera: navigator.pinned === undefined ? { from: navigator.current().position, to: navigator.target, fov: navigator.fov } : { view: navigator.pinned } };
   }
 
@@ -142,7 +163,10 @@ export class App implements Stage {
 
   /** Shows what a fragment says, as far as this model has it. */
   private apply(fragment: string): void {
-    const { settings, camera, compared } = parseAddress(fragment);
+    this.show(parseAddress(fragment));
+  }
+
+  private show({ settings, camera, compared }: Address): void {
     this.change(settings);
     this.comparison.compared = compared;
     this.move((navigator, { scene }) => {
@@ -214,8 +238,8 @@ export class App implements Stage {
     document.body.classList.remove('loaded');
   }
 
-  /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. */
-  beginScene(name: string, scene: Scene, keepCamera: boolean): void {
+  /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. `isOwn`: the page was made for it. */
+  beginScene(name: string, scene: Scene, keepCamera: boolean, isOwn: boolean): void {
     const keep = keepCamera ? this.loaded?.navigator : undefined;
     this.unload(keep); // first, so that both need not fit into memory
     let sorter: SortClient | undefined;
@@ -230,19 +254,24 @@ export class App implements Stage {
     document.body.classList.add('loaded');
     if (keep) this.comparison.replaceScene(scene);
     else this.comparison.setScene(scene);
-    const navigator = keep ?? new Navigator(scene, this.screen.canvas, () => this.redraw());
-    if (keep) keep.setScene(scene);
+    const sample = new ModelSample(scene.count, scene.testCameras), start = isOwn ? PAGE.start : undefined;
+    if (!keep && this.wanted === undefined) this.settings.up = undefined; // of the file before
+    const navigator = keep ?? new Navigator(scene, sample, this.screen.canvas, { changed: () => this.redraw(), faster: showSpeed }, start?.camera);
+    if (keep) keep.setScene(scene, sample);
     else navigator.setMovement(this.settings.movement);
     this.awaitsOrder = keep !== undefined && scene.count > 0;
-    this.loaded = { name, title: name, isComplete: false, scene, sample: new CenterSample(scene.count), navigator, sorter };
+    this.loaded = { name, title: name, isComplete: false, isOwn, scene, sample, navigator, sorter };
     this.sortedFor = '';
     this.benchmarkPanel.clear();
     if (keep && this.panel.numViews === scene.testCameras.length) return;
-    this.panel.setScene(name, scene);
+    this.panel.setScene(isOwn ? PAGE.title ?? name : name, scene);
     this.panel.setInfo([]);
-    if (this.wanted === undefined) this.panel.show(this.settings);
-    else this.apply(this.wanted);
+    const isBare = this.wanted === '' || this.wanted === '#';
+    if (isBare && start) this.show({ ...start, camera: undefined });
+    else if (this.wanted !== undefined) this.apply(this.wanted);
+    else this.panel.show(this.settings);
     this.wanted = undefined;
+    focusPicture(this.screen.canvas);
   }
 
   private sorterOf({ count }: Scene): SortClient {
@@ -263,6 +292,7 @@ export class App implements Stage {
     loaded.sorter?.add(texels);
     this.refreshing ??= setTimeout(() => {
       this.refreshing = undefined;
+      if (this.loaded?.scene.testCameras.length === 0) this.loaded.navigator.learn();
       this.sortedFor = '';
       this.redraw();
     }, REFRESH);
@@ -272,10 +302,11 @@ export class App implements Stage {
   complete(bytes: number): void {
     const { loaded } = this;
     if (!loaded) return; // it could not be drawn, which was said
-    const { name, scene } = loaded;
+    const { name, scene, isOwn, navigator } = loaded;
     loaded.isComplete = true;
+    navigator.learn();
     if (this.renderer.sortsItself) this.awaitsOrder = false;
-    loaded.title = scene.name ?? name;
+    loaded.title = (isOwn ? PAGE.title : undefined) ?? scene.name ?? name;
     this.renderer.completeScene();
     this.sortedFor = '';
     this.panel.setEnd(loaded.title, scene);

@@ -2,7 +2,6 @@
 // Frame times by the paper's protocol: 1280x720, intrinsics of the test views in pixels, colours of the Gaussians and blending into 8
 // bits, each frame waited for; without photometric correction, and without sorting where that is not part of drawing a frame.
 
-import { defaultView } from './camera/navigator';
 import { cropView, type View } from './camera/view';
 import type { Scene } from './format/ngsplat';
 import type { SceneRenderer } from './render/scene_renderer';
@@ -39,10 +38,10 @@ export function summarize(values: number[]): Summary {
   return { mean: values.reduce((a, b) => a + b, 0) / n, median, min: sorted[0], max: sorted[n - 1] };
 }
 
-/** `sort` brings the order up to date for a view. `progress` goes from 0 to 1. Throws where `signal` is aborted. */
-export async function runBenchmark(renderer: SceneRenderer, scene: Scene, file: string, sort: (view: View) => Promise<void>, framesPerView: number,
+/** `shown` is timed where there are no test views. `sort` brings the order up to date for a view. `progress` goes from 0 to 1. Throws where `signal` is aborted. */
+export async function runBenchmark(renderer: SceneRenderer, scene: Scene, shown: View, file: string, sort: (view: View) => Promise<void>, framesPerView: number,
                                    progress: (part: number) => void, signal: AbortSignal): Promise<BenchmarkResult> {
-  const views = (scene.testCameras.length ? scene.testCameras : [defaultView(scene)]).map((view) => cropView(view, WIDTH, HEIGHT));
+  const views = (scene.testCameras.length ? scene.testCameras : [shown]).map((view) => cropView(view, WIDTH, HEIGHT));
   /** Mean of so many in a row; one before is not timed. */
   const time = async (draw: () => Promise<void>) => {
     await draw();

@@ -10,7 +10,7 @@ import { planeBytes, planesOf, type Plane, type SceneSink } from './format/reade
 import type { Level } from './levels/levels';
 import { memoryHere, memoryOf } from './levels/memory';
 import { RenderError } from './render/scene_renderer';
-import { showError, showLoading, showWelcome } from './ui/notice';
+import { showLoading, showRemark, showWelcome } from './ui/notice';
 
 /** Where a model is shown. */
 export interface Stage {
@@ -20,8 +20,8 @@ export interface Stage {
   readonly isReserved: boolean;
   /** The level that the user wants; undefined leaves it to the page. */
   readonly wantedDetail: number | undefined;
-  /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. Throws RenderError where the device cannot hold it. */
-  beginScene(name: string, scene: Scene, keepCamera: boolean): void;
+  /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. `isOwn`: the page was made for it. Throws RenderError where the device cannot hold it. */
+  beginScene(name: string, scene: Scene, keepCamera: boolean, isOwn: boolean): void;
   addRows(plane: Plane, row: number, texels: Uint32Array): void;
   /** The scene has all its texels, and what the end of its file, of so many bytes, says. */
   complete(bytes: number): void;
@@ -113,7 +113,7 @@ export class ModelLoader {
       const found = await source(signal);
       name = found.name;
       showLoading(name, 0, found.size);
-      const { begin, rows } = this.sink(name), ifSuitable = (scene: Scene) => {
+      const { begin, rows } = this.sink(name, from === 'beside'), ifSuitable = (scene: Scene) => {
         header = scene;
         if (!anyway) this.requireSuitable(scene);
         this.setAgain(again, from !== 'elsewhere'); // what was shown is let go of now
@@ -124,7 +124,7 @@ export class ModelLoader {
         whole: this.stage.shown !== undefined, signal, progress: (...sizes) => showLoading(name, ...sizes, this.stage.shown?.isComplete === false),
       });
       signal.throwIfAborted(); // where it could not be drawn, which was said
-      if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
+      if (remarks.length > 0) showRemark(`About ${name}`, remarks.join(' '));
       if (from === 'beside') await this.readSite(name);
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
@@ -163,13 +163,13 @@ export class ModelLoader {
   }
 
   /** Shows what is read, in the place of what is shown. With `keep`, the camera stays as it is. */
-  private sink(name: string, keep = false): SceneSink {
-    return { begin: (scene) => this.stage.beginScene(name, scene, keep), rows: (...part) => this.stage.addRows(...part) };
+  private sink(name: string, isOwn: boolean, keep = false): SceneSink {
+    return { begin: (scene) => this.stage.beginScene(name, scene, keep, isOwn), rows: (...part) => this.stage.addRows(...part) };
   }
 
   /** Shows another state of the model, with `keep` as the camera and what is compared are. Throws Busy where something else needs it as it is. */
   private async replace(source: Source, keep: boolean, signal: AbortSignal): Promise<void> {
-    const { begin, rows } = this.sink(source.name, keep), unlessBusy = (scene: Scene) => {
+    const { begin, rows } = this.sink(source.name, true, keep), unlessBusy = (scene: Scene) => {
       if (this.stage.isReserved || this.stage.shown?.isComplete === false) throw new Busy();
       begin(scene);
     };

@@ -5,7 +5,8 @@ import { runBenchmark, type BenchmarkResult } from './benchmark';
 import type { Navigator } from './camera/navigator';
 import type { View } from './camera/view';
 import type { Scene } from './format/ngsplat';
-import type { Mode } from './render/prepass';
+import type { Vector } from './format/vector';
+import { depthOf, type Mode } from './render/prepass';
 import type { Picture, SceneRenderer } from './render/scene_renderer';
 import type { Precision } from './render/target';
 import { save } from './ui/elements';
@@ -42,6 +43,9 @@ export interface Pixels {
   height: number;
   pixels: Uint8Array;
 }
+
+/** A place of the picture shows something where it is covered by this share. */
+const LEAST_COVERED = 0.3;
 
 export class Pictures {
   /** Something needs the model as it is. */
@@ -93,6 +97,20 @@ export class Pictures {
     return this.reserve(() => this.pixels(view, mode, undefined, precision));
   }
 
+  /** The point that is seen at a place of the picture, given as shares of its width and height; undefined where there is little to see. */
+  async pointAt(x: number, y: number): Promise<Vector | undefined> {
+    return this.reserve(async ({ navigator, scene }) => {
+      const renderer = this.page.renderer(), { canvas } = renderer, whole = navigator.view(canvas.width, canvas.height), [u, v] = [x * whole.width, y * whole.height];
+      // A picture of one pixel, drawn in the order of the whole one: on black and on white, which tells how much covers it.
+      const pixel = { ...whole, cx: whole.cx - u + 0.5, cy: whole.cy - v + 0.5, width: 1, height: 1 };
+      const onBackground = async (grey: number) => (await renderer.renderPixels(pixel, { ...this.page.picture('depth', undefined), background: [grey, grey, grey] }))[0] / 255;
+      const onBlack = await onBackground(0), covered = 1 - (await onBackground(1)) + onBlack, depth = depthOf(scene, pixel, onBlack / covered);
+      if (!(covered >= LEAST_COVERED && depth < Infinity)) return undefined;
+      const [right, down] = [(u - whole.cx) / whole.fx, (v - whole.cy) / whole.fy];
+      return whole.position.map((p, i) => p + depth * (whole.forward[i] + right * whole.right[i] + down * whole.down[i])) as Vector;
+    });
+  }
+
   /** Which way the page draws. */
   get way(): SceneRenderer['way'] {
     return this.page.renderer().way;
@@ -111,6 +129,6 @@ export class Pictures {
   async benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {
     const { page } = this;
     if (!page.model().isComplete) throw new Error('the model is still on its way');
-    return this.reserve(({ name, scene }) => runBenchmark(page.renderer(), scene, name, (view) => page.sort(view), framesPerView, progress, page.signal()));
+    return this.reserve(({ name, scene, navigator }) => runBenchmark(page.renderer(), scene, navigator.current(), name, (view) => page.sort(view), framesPerView, progress, page.signal()));
   }
 }

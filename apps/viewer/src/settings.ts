@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the user chose about the picture, whatever the model.
 
-import type { MovementName } from './camera/navigator';
+import type { AxisName, MovementName } from './camera/navigator';
 import type { Vector } from './format/vector';
 import type { Mode } from './render/prepass';
 
@@ -10,6 +10,8 @@ export interface Settings {
   /** Whether the camera's exposure and colour are applied, where the file has them. */
   photometric: boolean;
   movement: MovementName;
+  /** The axis that points up. Undefined: as the file says. */
+  up: AxisName | undefined;
   /** Undefined: the file's own. */
   background: Vector | undefined;
   /** A factor of the Gaussians' scales. */
@@ -20,7 +22,9 @@ export interface Settings {
   near: number;
   /** Which level of the model is shown, 0 the finest. Undefined: what suits the device. */
   detail: number | undefined;
+  /** Whether the settings are open beside the picture. Undefined: as the page begins. */
+  panel: boolean | undefined;
 }
 
-export const DEFAULTS: Readonly<Settings> = { mode: 'full', photometric: true, movement: 'orbit', background: undefined, splatSize: 1, points: false, near: 0, detail: undefined };
+export const DEFAULTS: Readonly<Settings> = { mode: 'full', photometric: true, movement: 'orbit', up: undefined, background: undefined, splatSize: 1, points: false, near: 0, detail: undefined, panel: undefined };
 export const SPLAT_SIZES = { least: 0.1, most: 2 };

@@ -12,12 +12,13 @@ describe('the address', () => {
   it('keeps everything, in text that people can read', () => {
     const address: Address = {
       camera: { from: [1.25, -2, 1e-3], to: [0, 0, 10000], fov: 47.5 },
-      settings: { mode: 'depth', photometric: false, movement: 'fly', background: [1, 0.6, 0], splatSize: 0.5, points: true, near: 1.5, detail: 2 },
+      settings: { mode: 'depth', photometric: false, movement: 'fly', up: '-z', background: [1, 0.6, 0], splatSize: 0.5, points: true, near: 1.5, detail: 2, panel: true },
       compared: { left: 'base', right: 'photograph', split: 0.25 },
     };
     const text = formatAddress(address, 4);
-    expect(text).toBe('from=1.25,-2,0.001&to=0,0,10000&fov=47.5&mode=depth&exposure=off&move=fly&background=ff9900&size=0.5&points=on&near=1.5&detail=2&compare=base,photograph&split=25');
+    expect(text).toBe('from=1.25,-2,0.001&to=0,0,10000&fov=47.5&mode=depth&exposure=off&move=fly&up=-z&background=ff9900&size=0.5&points=on&near=1.5&detail=2&panel=open&compare=base,photograph&split=25');
     expect(parseAddress(`#${text}`)).toEqual(address);
+    expect(parseAddress('#panel=closed').settings.panel).toBe(false);
     expect(parseAddress('#view=3').camera).toEqual({ view: 2 });
     expect(formatAddress({ settings: DEFAULTS, camera: { view: 2 } }, 4)).toBe('view=3');
   });
@@ -43,7 +44,7 @@ describe('the address', () => {
   });
 
   it('drops nonsense part by part', () => {
-    const { camera, settings } = parseAddress('#from=1,2,3&to=4,5,6&fov=nan&mode=wrong&background=red&size=99&near=-1&detail=1.5&points=maybe&view=0&%E0%A4%A=1&move=fly');
+    const { camera, settings } = parseAddress('#from=1,2,3&to=4,5,6&fov=nan&mode=wrong&background=red&size=99&near=-1&detail=1.5&points=maybe&view=0&up=w&panel=ajar&%E0%A4%A=1&move=fly');
     expect(camera).toEqual({ from: [1, 2, 3], to: [4, 5, 6], fov: undefined });
     expect(settings).toEqual({ ...DEFAULTS, movement: 'fly' });
     for (const pose of ['from=1,2&to=0,0,0', 'from=1,2,3', 'from=1,,3&to=0,0,0', 'from=1,2,3&to=1,2,3', 'from=1,2,Infinity&to=0,0,0', 'from=1e99,0,0&to=0,0,0', 'view=1.5', 'view='])

@@ -11,16 +11,38 @@ export interface Movement {
 }
 
 const STEP = MathUtils.degToRad(3);
+/** What a key changes the distance by, and a notch of the wheel, of so many pixels, the speed. */
+const NEARER = 0.95, FASTER = 1.25, NOTCH = 100;
+const LEAST_SPEED = 1 / 64, MOST_SPEED = 64;
+
+/** Seconds in which what a drag left to do shrinks to 1/e, and after how many there is nothing of it. */
+const GLIDE = 0.12, REST = 8 * GLIDE;
+
+/** The share of what a drag left to do that so many seconds do: all at once for those who asked for less motion. */
+const glide = (seconds: number): number => (matchMedia('(prefers-reduced-motion: reduce)').matches ? 1 : 1 - Math.exp(-seconds / GLIDE));
 
 /** Drag or arrow keys turn around the point looked at, the wheel, two fingers or + and - come closer, with the right button or shift it moves along. */
 export class Orbit implements Movement {
   private readonly controls: OrbitControls;
   private silent = false;
+  private isHeld = false;
+  private lastTime = 0;
+  /** When there is nothing left to do; undefined while nothing moves. */
+  private restsAt: number | undefined;
 
   constructor(private readonly camera: PerspectiveCamera, private readonly canvas: HTMLCanvasElement, changed: () => void) {
     this.controls = new OrbitControls(camera, canvas); // takes the camera's up at this moment
+    this.controls.enableDamping = true;
     this.controls.addEventListener('change', () => {
       if (!this.silent) changed();
+    });
+    this.controls.addEventListener('start', () => {
+      this.isHeld = true;
+      this.wake();
+    });
+    this.controls.addEventListener('end', () => {
+      this.isHeld = false;
+      this.wake();
     });
     this.controls.enabled = false;
   }
@@ -29,9 +51,7 @@ export class Orbit implements Movement {
     this.canvas.addEventListener('keydown', this.onKey);
     this.controls.target.copy(this.camera.position).addScaledVector(this.camera.getWorldDirection(new Vector3()), focus);
     this.controls.enabled = true;
-    this.silent = true;
-    this.controls.update();
-    this.silent = false;
+    this.settle();
   }
 
   /** The point that the camera turns around. */
@@ -41,7 +61,9 @@ export class Orbit implements Movement {
 
   end(): void {
     this.canvas.removeEventListener('keydown', this.onKey);
+    this.settle(); // what was left to do is not for the next view
     this.controls.enabled = false;
+    this.restsAt = undefined;
   }
 
   dispose(): void {
@@ -49,11 +71,39 @@ export class Orbit implements Movement {
     this.controls.dispose();
   }
 
+  /** Does at once what is left to do. */
+  private settle(): void {
+    this.silent = true;
+    this.controls.dampingFactor = 1;
+    this.controls.update();
+    this.silent = false;
+  }
+
+  /** Something moves the camera from here on. */
+  private wake(): void {
+    const now = performance.now(), wasIdle = this.restsAt === undefined;
+    this.restsAt = now + 1000 * REST;
+    if (!wasIdle) return;
+    this.lastTime = now;
+    this.controls.dampingFactor = glide(1 / 60);
+    requestAnimationFrame(this.tick);
+  }
+
+  private readonly tick = (): void => {
+    if (this.restsAt === undefined) return;
+    const now = performance.now(), isOver = !this.isHeld && now >= this.restsAt;
+    this.controls.dampingFactor = isOver ? 1 : glide((now - this.lastTime) / 1000);
+    this.lastTime = now;
+    this.controls.update();
+    if (isOver) this.restsAt = undefined;
+    else requestAnimationFrame(this.tick);
+  };
+
   private onKey = (event: KeyboardEvent): void => {
     const { controls } = this;
     const [x, y] = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key] ?? [0, 0];
-    if (event.key === '+' || event.key === '=') controls.dollyIn(1 / 0.95);
-    else if (event.key === '-') controls.dollyOut(1 / 0.95);
+    if (event.key === '+' || event.key === '=') controls.dollyIn(NEARER);
+    else if (event.key === '-') controls.dollyOut(NEARER);
     else if (x === 0 && y === 0) return;
     else if (event.shiftKey) controls.pan(20 * x, 20 * y);
     else {
@@ -61,18 +111,25 @@ export class Orbit implements Movement {
       controls.rotateUp(STEP * y);
     }
     event.preventDefault();
+    this.wake();
     controls.update();
   };
 }
 
-/** Drag looks around; W A S D, E and Q move, arrow keys look. Two fingers move: up is forward. */
+/** Drag looks around; W A S D, E and Q move, arrow keys look, the wheel changes the speed. Two fingers move: up is forward. */
 export class Fly implements Movement {
   private readonly keys = new Set<string>();
   private readonly pointers = new Map<number, { x: number; y: number }>();
+  /** What drags have left to do: angles to the left and upwards, and seconds at full speed to the right and forward. */
+  private readonly rest = { left: 0, up: 0, right: 0, forward: 0 };
   private lastTime = 0;
+  private isMoving = false;
+  /** A factor of the speed. */
+  private factor = 1;
 
-  /** `speed` in world units per second. */
-  constructor(private readonly camera: PerspectiveCamera, private readonly canvas: HTMLCanvasElement, private readonly speed: number, private readonly changed: () => void) {}
+  /** `speed` in world units per second; `faster` is told a new factor of it. */
+  constructor(private readonly camera: PerspectiveCamera, private readonly canvas: HTMLCanvasElement, private readonly speed: number, private readonly changed: () => void,
+              private readonly faster: (factor: number) => void) {}
 
   private readonly listeners: [string, (event: never) => void][] = [
     ['keydown', (event: KeyboardEvent) => this.onKey(event, true)],
@@ -82,6 +139,7 @@ export class Fly implements Movement {
     ['pointermove', (event: PointerEvent) => this.onPointerMove(event)],
     ['pointerup', (event: PointerEvent) => this.pointers.delete(event.pointerId)],
     ['pointercancel', (event: PointerEvent) => this.pointers.delete(event.pointerId)],
+    ['wheel', (event: WheelEvent) => this.onWheel(event)],
   ];
 
   begin(): void {
@@ -92,6 +150,7 @@ export class Fly implements Movement {
     for (const [name, listener] of this.listeners) this.canvas.removeEventListener(name, listener as EventListener);
     this.keys.clear();
     this.pointers.clear();
+    Object.assign(this.rest, { left: 0, up: 0, right: 0, forward: 0 });
   }
 
   private onKey(event: KeyboardEvent, down: boolean): void {
@@ -103,27 +162,34 @@ export class Fly implements Movement {
       this.keys.delete(key);
       return;
     }
-    const wasIdle = this.keys.size === 0;
     this.keys.add(key);
-    if (!wasIdle) return;
+    this.wake();
+  }
+
+  private wake(): void {
+    if (this.isMoving) return;
+    this.isMoving = true;
     this.lastTime = performance.now();
     requestAnimationFrame(this.tick);
   }
 
-  private tick = (): void => {
-    if (this.keys.size === 0) return;
-    const now = performance.now(), seconds = Math.min(0.1, (now - this.lastTime) / 1000);
+  private readonly tick = (): void => {
+    const { keys, rest } = this;
+    this.isMoving = keys.size > 0 || Object.values(rest).some((value) => Math.abs(value) > 1e-4);
+    if (!this.isMoving) return;
+    const now = performance.now(), seconds = Math.min(0.1, (now - this.lastTime) / 1000), share = glide((now - this.lastTime) / 1000);
     this.lastTime = now;
-    const axis = (minus: string, plus: string) => Number(this.keys.has(plus)) - Number(this.keys.has(minus));
-    this.move(axis('a', 'd') * seconds, axis('q', 'e') * seconds, axis('s', 'w') * seconds);
-    this.look(axis('arrowright', 'arrowleft') * seconds, axis('arrowdown', 'arrowup') * seconds);
+    const axis = (minus: string, plus: string) => Number(keys.has(plus)) - Number(keys.has(minus));
+    this.move(axis('a', 'd') * seconds + share * rest.right, axis('q', 'e') * seconds, axis('s', 'w') * seconds + share * rest.forward);
+    this.look(axis('arrowright', 'arrowleft') * seconds + share * rest.left, axis('arrowdown', 'arrowup') * seconds + share * rest.up);
+    for (const name of ['left', 'up', 'right', 'forward'] as const) rest[name] *= 1 - share;
     this.changed();
     requestAnimationFrame(this.tick);
   };
 
   /** Right, up and forward, in seconds at full speed. */
   private move(right: number, up: number, forward: number): void {
-    this.camera.position.add(new Vector3(right, up, -forward).multiplyScalar(this.speed).applyQuaternion(this.camera.quaternion));
+    this.camera.position.add(new Vector3(right, up, -forward).multiplyScalar(this.factor * this.speed).applyQuaternion(this.camera.quaternion));
   }
 
   /** By angles to the left and upwards; keeps the horizon level and stops before it turns over. */
@@ -145,8 +211,22 @@ export class Fly implements Movement {
     if (!last) return;
     const dx = (event.clientX - last.x) / this.canvas.clientHeight, dy = (event.clientY - last.y) / this.canvas.clientHeight;
     this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    if (this.pointers.size === 1) this.look(2 * dx, 2 * dy);
-    else this.move(dx, 0, -2 * dy);
+    if (this.pointers.size === 1) {
+      this.rest.left += 2 * dx;
+      this.rest.up += 2 * dy;
+    } else {
+      this.rest.right += dx;
+      this.rest.forward -= 2 * dy;
+    }
+    this.wake();
     this.changed();
+  }
+
+  private onWheel(event: WheelEvent): void {
+    event.preventDefault();
+    const pixels = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? NOTCH * Math.sign(event.deltaY) : event.deltaY;
+    const notches = MathUtils.clamp(pixels / NOTCH, -1, 1); // a touchpad sends many small parts
+    this.factor = MathUtils.clamp(this.factor * FASTER ** -notches, LEAST_SPEED, MOST_SPEED);
+    this.faster(this.factor);
   }
 }

@@ -1,20 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which view is shown: a test view or a frame of a path exactly, until the user moves; then the pose that moving led to.
 
-import { PerspectiveCamera, Vector3 } from 'three';
+import { MathUtils, PerspectiveCamera, Vector3 } from 'three';
+import type { AddressCamera } from '../address';
 import type { Scene } from '../format/ngsplat';
-import { dot, type Vector } from '../format/vector';
-import type { Extent } from './extent';
+import { dot, minus, type Vector } from '../format/vector';
+import type { Extent, ModelSample } from './extent';
 import { Fly, Orbit, type Movement } from './movement';
 import { fitView, fovOf, withFov, type View } from './view';
 
-/** Vertical field of view of a scene without test views. */
-const DEFAULT_FOV = 60;
+/** The lens of a scene without test views: its vertical field of view in degrees, and its size. */
+const DEFAULT_FOV = 60, DEFAULT_SIZE = { width: 1280, height: 720 };
+/** By how many degrees the first view of such a scene looks down. */
+const DOWN = 10;
 
-/** Around the centres of the Gaussians, for their own size. */
+/** Around the sphere that is to be seen. */
 const MARGIN = 1.15;
+/** What may stand in front of it, as a share of the picture, and the degrees to look down by where more does. */
+const MOST_COVERED = 0.25, STEEPER = [30, 55, 80];
+
+/** Photographs that are turned by less stand upright; one that looks nearly up or down has no upright. */
+const MOST_ROLL = 10, LEAST_UPRIGHT = 0.3;
+
+/** A look that turns to another point takes so many milliseconds. */
+const TURN = 350;
 
 export type MovementName = 'orbit' | 'fly';
+export const AXES = ['x', '-x', 'y', '-y', 'z', '-z'] as const;
+export type AxisName = (typeof AXES)[number];
+
+/** What a navigator tells the page. */
+export interface NavigatorEvents {
+  /** The user has moved the camera. */
+  changed(): void;
+  /** Flying goes at another factor of the usual speed. */
+  faster(factor: number): void;
+}
 
 const vector = (v: Vector3): Vector => [v.x, v.y, v.z];
 
@@ -26,23 +47,37 @@ export function cameraPose(camera: PerspectiveCamera): Pick<View, 'right' | 'dow
   return { right: vector(x), down: vector(y.negate()), forward: vector(z.negate()), position: vector(camera.position) };
 }
 
-/** A view for scenes without any: the centre from the given distance, level. */
-export function defaultView(scene: Scene): View {
-  const camera = new PerspectiveCamera(DEFAULT_FOV);
-  camera.up.set(...scene.up).normalize();
-  const center = new Vector3(...scene.center);
-  const side = new Vector3(1, 0, 0).cross(camera.up).lengthSq() > 0.1 ? new Vector3(1, 0, 0) : new Vector3(0, 1, 0);
-  side.addScaledVector(camera.up, -side.dot(camera.up)).normalize(); // level
-  camera.position.copy(center).addScaledVector(side, scene.distance);
-  camera.lookAt(center);
-  const height = 720, focal = height / 2 / Math.tan((DEFAULT_FOV * Math.PI) / 360);
-  return { ...cameraPose(camera), fx: focal, fy: focal, cx: 640, cy: 360, width: 1280, height };
+/** The direction of an axis: `z`, or `-z` for the other way. */
+export function axisOf(name: AxisName): Vector {
+  return ['x', 'y', 'z'].map((axis) => (name.endsWith(axis) ? (name.startsWith('-') ? -1 : 1) : 0)) as Vector;
+}
+
+/** Where a model's front faces by custom, level: towards +z where +y is up (glTF), -z where -y is (COLMAP and 3DGS), -y where z is (CAD and Blender). */
+export function frontOf(up: Vector): Vector {
+  const [, y, z] = up.map(Math.abs), upright = new Vector3(...up).normalize();
+  const front = z > y && z > Math.abs(up[0]) ? new Vector3(0, -Math.sign(up[2]), 0) : new Vector3(0, 0, up[1] < -Math.abs(up[0]) ? -1 : 1);
+  return vector(front.addScaledVector(upright, -front.dot(upright)).normalize());
+}
+
+/** A direction that looks down by so many degrees, above where `forward` looks to, or anywhere if that is up or down itself. */
+export function lookDown(forward: Vector, up: Vector, degrees: number): Vector {
+  const upright = new Vector3(...up).normalize(), level = new Vector3(...forward);
+  level.addScaledVector(upright, -level.dot(upright));
+  if (level.lengthSq() < 1e-6) level.set(...frontOf(up)).negate();
+  const angle = MathUtils.degToRad(degrees);
+  return vector(level.normalize().multiplyScalar(Math.cos(angle)).addScaledVector(upright, -Math.sin(angle)));
+}
+
+/** The angle in degrees by which a view is turned about its axis from where `up` is up in it; 0 if it looks up or down. */
+export function rollOf({ right, down }: View, up: Vector): number {
+  const x = dot(up, right), y = -dot(up, down);
+  return Math.hypot(x, y) < LEAST_UPRIGHT * Math.hypot(...up) ? 0 : MathUtils.radToDeg(Math.atan2(-x, y));
 }
 
 export class Navigator {
   private readonly camera = new PerspectiveCamera();
-  private readonly orbit: Orbit;
-  private readonly movements: Record<MovementName, Movement>;
+  private orbit: Orbit;
+  private readonly fly: Fly;
   private movement: MovementName = 'orbit';
   private lens: View;
   /** The test view that is shown exactly. */
@@ -51,53 +86,122 @@ export class Navigator {
   isFirst = true;
   /** Another view that is. */
   private exact: View | undefined;
+  private turning: number | undefined;
 
-  constructor(private scene: Scene, canvas: HTMLCanvasElement, changed: () => void) {
+  /** `start` is the first view; without it, it follows from the scene. */
+  constructor(private scene: Scene, private sample: ModelSample, private readonly canvas: HTMLCanvasElement, private readonly events: NavigatorEvents, private readonly start?: AddressCamera) {
     this.camera.up.set(...scene.up).normalize();
-    const moved = () => {
-      this.unpin();
-      changed();
-    };
-    this.orbit = new Orbit(this.camera, canvas, moved);
-    this.movements = { orbit: this.orbit, fly: new Fly(this.camera, canvas, 0.5 * Math.max(scene.distance, 1e-3), moved) };
-    this.lens = defaultView(scene);
+    this.orbit = this.newOrbit();
+    this.fly = new Fly(this.camera, canvas, 0.5 * Math.max(scene.distance, 1e-3), this.moved, (factor) => events.faster(factor));
+    this.lens = this.usualLens;
     this.reset();
   }
 
-  /** The first test view, or what stands for it. */
+  /** The lens of the test views, if there are any. */
+  private get usualLens(): View {
+    const { width, height } = DEFAULT_SIZE, fy = height / 2 / Math.tan(MathUtils.degToRad(DEFAULT_FOV / 2));
+    return this.scene.testCameras[0] ?? { ...cameraPose(this.camera), width, height, fx: fy, fy, cx: width / 2, cy: height / 2 };
+  }
+
+  private readonly moved = (): void => {
+    this.stopTurning();
+    this.unpin();
+    this.events.changed();
+  };
+
+  private newOrbit(): Orbit {
+    return new Orbit(this.camera, this.canvas, this.moved);
+  }
+
+  private get mover(): Movement {
+    return this.movement === 'orbit' ? this.orbit : this.fly;
+  }
+
+  get up(): Vector {
+    return vector(this.camera.up);
+  }
+
+  /** Another direction is up: the camera stands upright by that one, and a model without views shows its front. */
+  setUp(up: Vector): void {
+    const { target } = this, { position } = this.current(), wasFirst = this.isFirst;
+    this.mover.end();
+    this.orbit.dispose();
+    this.camera.up.set(...up).normalize();
+    this.orbit = this.newOrbit();
+    if (wasFirst || this.scene.testCameras.length === 0) this.reset();
+    else this.look(position, target);
+  }
+
+  /** The test view that is shown first, if one is. */
+  private get firstTestView(): number | undefined {
+    const { start, scene: { testCameras } } = this, index = start && 'view' in start ? start.view : 0;
+    return start && 'from' in start ? undefined : testCameras[index] ? index : testCameras[0] && 0;
+  }
+
+  /** Whether a photograph stands upright as it is. */
+  private isUpright(index: number): boolean {
+    return Math.abs(rollOf(this.scene.testCameras[index], this.up)) <= MOST_ROLL;
+  }
+
+  /** The first view: the page's own, or else the first test view, or without any the model from its front. */
   reset(): void {
-    if (this.scene.testCameras.length) this.pin(0);
-    else this.show(defaultView(this.scene));
+    const { start, firstTestView } = this;
+    if (firstTestView !== undefined && this.isUpright(firstTestView)) this.pin(firstTestView);
+    else if (firstTestView !== undefined) this.showUpright(this.scene.testCameras[firstTestView]);
+    else {
+      this.lens = this.usualLens;
+      if (start && 'from' in start) this.look(start.from, start.to, start.fov);
+      else this.frame(lookDown(frontOf(this.up).map((x) => -x) as Vector, this.up, DOWN));
+    }
     this.isFirst = true;
+  }
+
+  /** The pose of a test view without its roll: one that lies on its side is as wide as it was high. */
+  private showUpright(view: View): void {
+    const roll = Math.abs(rollOf(view, this.up)), { width, height, fx, fy } = view;
+    this.show(roll > 45 && roll < 135 ? { ...view, width: height, height: width, fx: fy, fy: fx } : view);
   }
 
   private show(view: View, focus?: number): void {
     const { camera } = this;
+    this.mover.end(); // first: what a drag has left to do is not for this view
+    this.stopTurning();
     this.unpin();
     this.lens = view;
     camera.fov = fovOf(view);
     camera.position.set(...view.position);
     camera.lookAt(new Vector3(...view.forward).add(camera.position));
-    this.movements[this.movement].end();
-    this.movements[this.movement].begin(focus ?? this.focus());
+    this.mover.begin(focus ?? this.focus());
   }
 
-  /** Distance at which the scene's centre lies in the direction looked at. */
+  /** The sphere that shows the model, as far as it is known. */
+  private extent(): Extent {
+    return this.sample.isEmpty ? { center: this.scene.center, radius: this.scene.distance / 2 } : this.sample.extent();
+  }
+
+  /** Distance at which the model's middle lies in the direction looked at. */
   private focus(): number {
-    const { forward, position } = cameraPose(this.camera);
-    const offset = this.scene.center.map((c, i) => c - position[i]) as Vector;
-    return Math.max(dot(offset, forward), 0.1 * this.scene.distance, 1e-3);
+    const { forward, position } = cameraPose(this.camera), { center, radius } = this.extent();
+    return Math.max(dot(minus(center, position), forward), 0.1 * radius, 1e-3);
+  }
+
+  /** More of the model is known. */
+  learn(): void {
+    if (this.isFirst) this.reset();
+    else if (this.pinned !== undefined) this.pin(this.pinned);
   }
 
   /** Goes on with a newer state of the model, from where the camera is. */
-  setScene(scene: Scene): void {
+  setScene(scene: Scene, sample: ModelSample): void {
     this.scene = scene;
+    this.sample = sample;
     if (this.pinned !== undefined && this.pinned >= scene.testCameras.length) this.unpin();
   }
 
   pin(index: number): void {
     this.show(this.scene.testCameras[index]);
     this.pinned = index;
+    this.isFirst = index === this.firstTestView && this.isUpright(index);
   }
 
   unpin(): void {
@@ -117,12 +221,40 @@ export class Navigator {
     this.show({ ...withFov(this.lens, fov), position: from, forward: vector(offset.divideScalar(distance)) }, distance);
   }
 
-  /** Goes back or forth until a sphere fills the view. */
-  frame({ center, radius }: Extent): void {
-    const { lens } = this, { forward } = this.current();
-    const half = Math.atan(Math.min(lens.width / 2 / lens.fx, lens.height / 2 / lens.fy));
-    const distance = (MARGIN * Math.max(radius, 1e-3)) / Math.sin(half);
-    this.look(center.map((c, i) => c - distance * forward[i]) as Vector, center);
+  /**
+   * Goes back until all of the model is seen, in the direction looked at or another one. Where something else stands in front of it, as the walls of a
+   * room, it looks from higher above.
+   */
+  frame(direction = this.current().forward): void {
+    const { center, radius } = this.extent(), { lens } = this, half = Math.atan(Math.min(lens.width / 2 / lens.fx, lens.height / 2 / lens.fy));
+    const distance = (MARGIN * Math.max(radius, 1e-3)) / Math.sin(half), down = MathUtils.radToDeg(Math.asin(MathUtils.clamp(-dot(direction, this.up), -1, 1)));
+    const from = (forward: Vector) => center.map((c, i) => c - distance * forward[i]) as Vector;
+    let best = { forward: direction, covered: Infinity };
+    for (const forward of [direction, ...STEEPER.filter((angle) => angle > down).map((angle) => lookDown(direction, this.up, angle))]) {
+      this.look(from(forward), center);
+      const covered = this.sample.covered(this.current(), distance - radius);
+      if (covered < best.covered) best = { forward, covered };
+      if (covered <= MOST_COVERED) return;
+    }
+    this.look(from(best.forward), center);
+  }
+
+  /** Turns to a point, which the camera moves around from then on. */
+  turnTo(point: Vector): void {
+    const { position } = this.current(), from = this.target, start = performance.now();
+    const still = matchMedia('(prefers-reduced-motion: reduce)').matches;
+    const step = () => {
+      const t = still ? 1 : Math.min(1, (performance.now() - start) / TURN), s = t * t * (3 - 2 * t);
+      this.look(position, from.map((x, i) => x + s * (point[i] - x)) as Vector);
+      if (t < 1) this.turning = requestAnimationFrame(step);
+      this.events.changed();
+    };
+    step();
+  }
+
+  private stopTurning(): void {
+    if (this.turning !== undefined) cancelAnimationFrame(this.turning);
+    this.turning = undefined;
   }
 
   /** The point that is looked at. */
@@ -137,9 +269,10 @@ export class Navigator {
   }
 
   setMovement(name: MovementName): void {
-    this.movements[this.movement].end();
+    this.stopTurning();
+    this.mover.end();
     this.movement = name;
-    this.movements[name].begin(this.focus());
+    this.mover.begin(this.focus());
   }
 
   /** What is shown, at the size that its lens came with. */
@@ -154,7 +287,8 @@ export class Navigator {
   }
 
   dispose(): void {
-    this.movements.fly.end();
+    this.stopTurning();
+    this.fly.end();
     this.orbit.dispose();
   }
 }

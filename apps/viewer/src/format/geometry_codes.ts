@@ -23,7 +23,7 @@ function scaleCode(size: number): number {
   if (size === 0) return 0;
   return Math.min(255, 1 + Math.round(Math.max(0, ((Math.log(Math.max(size, 1e-30)) - LN_SMALLEST) * STEPS) / LN_RANGE)));
 }
-const decodeScale = (code: number): number => (code === 0 ? 0 : Math.exp(LN_SMALLEST + ((code - 1) * LN_RANGE) / STEPS));
+export const decodeScale = (code: number): number => (code === 0 ? 0 : Math.exp(LN_SMALLEST + ((code - 1) * LN_RANGE) / STEPS));
 
 /** The mean area of an ellipsoid's projections, up to a factor (Thomsen's approximation). */
 function meanArea(x: number, y: number, z: number): number {

@@ -4,6 +4,7 @@
 import { FormatError } from './cursor';
 import { BASE, MEAN, MOST_DEGREE, OPACITY, REST, ROTATION, SCALE, Y0, restWidth, rowWidth, type GaussianSource } from './gaussian_source';
 import { ColorActivation } from './ngsplat';
+import type { Vector } from './vector';
 import { readPlyHeader, type PlyElement, type PlyHeader, type PlyProperty } from './ply_header';
 
 const indexed = (prefix: string, count: number): string[] => Array.from({ length: count }, (_, k) => `${prefix}_${k}`);
@@ -60,6 +61,12 @@ function gsappComment(comments: string[]): { model: string; activation: string }
   return undefined;
 }
 
+/** Where up is: as the file says, as nerfstudio's do, or else against y, as in those of 3DGS. */
+function upOf(comments: string[]): Vector {
+  const axis = comments.map((comment) => /^Vertical Axis: *([xyz])$/i.exec(comment)?.[1].toLowerCase()).find(Boolean);
+  return axis ? ['x', 'y', 'z'].map((name) => Number(name === axis)) as Vector : [0, -1, 0];
+}
+
 /** The base colour before `activation` is a column's number times `factor`, plus `shift`. */
 interface Colors {
   names: string[];
@@ -106,7 +113,7 @@ export function readPly(buffer: ArrayBuffer): GaussianSource {
   requireColumns(vertices);
   const { properties, count } = vertices, rows = new Rows(buffer, header, vertices);
   const copier = (names: string[]) => rows.copier(names.map((name) => properties.get(name)!));
-  if (!properties.has('opacity')) return readPoints(count, copier(POSITION), copier(RGB), colorFactor(properties.get(RGB[0])!));
+  if (!properties.has('opacity')) return readPoints(count, upOf(header.comments), copier(POSITION), copier(RGB), colorFactor(properties.get(RGB[0])!));
 
   let coefficients = 0;
   while (properties.has(`f_rest_${coefficients}`)) ++coefficients;
@@ -118,7 +125,7 @@ export function readPly(buffer: ArrayBuffer): GaussianSource {
   const { names, factor, shift, activation, remarks } = findColors(header, properties);
   const copyGeometry = copier([...POSITION, ...GEOMETRY]), copyBase = copier(names), copyRest = copier(rest);
   return {
-    count, degree, up: [0, -1, 0], colorActivation: activation,
+    count, degree, up: upOf(header.comments), colorActivation: activation,
     antialiased: header.comments.some((comment) => /^SplatRenderMode: *mip$/.test(comment)),
     remarks: fileDegree > degree ? [...remarks, `Of its spherical harmonics of degree ${fileDegree}, those up to degree ${degree} are shown.`] : remarks,
     read: (i, row) => {
@@ -138,10 +145,10 @@ export function readPly(buffer: ArrayBuffer): GaussianSource {
 const MOST_MEASURED = 1000;
 
 /** Shows points as small round Gaussians of one size, which follows from the spread of the cloud as if they lay on a surface. */
-function readPoints(count: number, copyMean: Copy, copyColor: Copy, factor: number): GaussianSource {
+function readPoints(count: number, up: Vector, copyMean: Copy, copyColor: Copy, factor: number): GaussianSource {
   let radius = 0;
   const source: GaussianSource = {
-    count, degree: 0, up: [0, -1, 0], antialiased: false, colorActivation: ColorActivation.Relu,
+    count, degree: 0, up, antialiased: false, colorActivation: ColorActivation.Relu,
     remarks: ['It is a point cloud: its points are shown as dots of one size.'],
     read: (i, row) => {
       copyMean(i, row, MEAN);

@@ -31,6 +31,9 @@ function centerDepth(scene: Scene, view: View): number {
   return Math.max(dot(view.forward, scene.center) - dot(view.forward, view.position), 0.1 * scene.distance, 1e-3);
 }
 
+/** The depth that the mode `depth` shows in a grey from 0 to 1. */
+export const depthOf = (scene: Scene, view: View, grey: number): number => centerDepth(scene, view) * Math.cbrt(1 / grey - 1);
+
 /** Whether colours above 1 occur, which eight bits would cut off. */
 export function isUnbounded(activation: ColorActivation): boolean {
   return [ColorActivation.Relu, ColorActivation.Softplus, ColorActivation.None].includes(activation);

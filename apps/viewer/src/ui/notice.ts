@@ -31,6 +31,11 @@ export function showError(heading: string, message: string, dismissable: boolean
   show(heading, message, { actions: true, dismiss: dismissable });
 }
 
+/** Something that the user should know of what is shown, below the picture's middle. */
+export function showRemark(heading: string, message: string): void {
+  show(heading, message, { actions: true, dismiss: true, aside: true });
+}
+
 export function showWelcome(): void {
   show('No model yet', 'Drop an .ngsplat, .ply, .splat or .spz file here, or open one. gsapp export --format web writes the first.', { actions: true });
 }

@@ -2,9 +2,10 @@
 // The settings beside the picture.
 
 import { colorOf, hexColor } from '../address';
-import type { MovementName } from '../camera/navigator';
+import type { AxisName, MovementName } from '../camera/navigator';
 import type { Scene } from '../format/ngsplat';
 import type { Vector } from '../format/vector';
+import { PAGE } from '../page';
 import type { Mode } from '../render/prepass';
 import type { Settings } from '../settings';
 import { element, fillList, onChoice } from './elements';
@@ -18,8 +19,8 @@ const MODE_HELP: Record<Mode, string> = {
   appearance: 'Grey: one colour from everywhere. Blue to yellow: how much the colour depends on the view.',
 };
 const KEYS: Record<MovementName, string> = {
-  orbit: 'Drag to turn, wheel or pinch to come closer, right button or two fingers to shift. Keys: arrows, + and −, Shift with arrows.',
-  fly: 'Drag to look, two fingers to move. Keys: W A S D, Q and E, arrows.',
+  orbit: 'Drag to turn, wheel or pinch to come closer, right button or two fingers to shift, double click to turn around another point. Keys: arrows, + and −, Shift with arrows.',
+  fly: 'Drag to look, two fingers to move, wheel for the speed. Keys: W A S D, Q and E, arrows.',
 };
 
 export interface PanelEvents {
@@ -33,11 +34,16 @@ export interface PanelEvents {
   savePicture(): Promise<string>;
 }
 
+/** The page of a training is for who trains; others begin with the picture alone. */
+const startsOpen = new URLSearchParams(location.search).has('live') && !matchMedia('(max-width: 44rem)').matches;
+
 const radio = (group: string, value: string) => document.querySelector<HTMLInputElement>(`input[name="${group}"][value="${value}"]`)!;
 const short = (x: number): string => String(Number(x.toPrecision(3)));
 
 export class Panel {
   private readonly camera = element<HTMLSelectElement>('camera');
+  private readonly up = element<HTMLSelectElement>('up');
+  private readonly toggle = element('toggle');
   private readonly background = element<HTMLInputElement>('background');
   private readonly splatSize = element<HTMLInputElement>('splat-size');
   private readonly near = element<HTMLInputElement>('near');
@@ -49,6 +55,7 @@ export class Panel {
   constructor(events: PanelEvents) {
     onChoice<Mode>('mode', (mode) => events.change({ mode }));
     onChoice<MovementName>('movement', (movement) => events.change({ movement }));
+    this.up.addEventListener('change', () => events.change({ up: (this.up.value || undefined) as AxisName | undefined }));
     this.background.addEventListener('input', () => events.change({ background: colorOf(this.background.value.slice(1)) }));
     element('own-background').addEventListener('click', () => {
       this.background.focus(); // the button is disabled at once
@@ -76,19 +83,19 @@ export class Panel {
     element('previous').addEventListener('click', () => step(-1));
     element('next').addEventListener('click', () => step(1));
 
-    const toggle = element('toggle');
-    const fold = (folded: boolean) => {
-      document.body.classList.toggle('folded', folded);
-      toggle.textContent = folded ? 'Settings' : 'Hide';
-      toggle.setAttribute('aria-expanded', String(!folded));
-    };
-    toggle.addEventListener('click', () => fold(!document.body.classList.contains('folded')));
-    fold(matchMedia('(max-width: 44rem)').matches);
+    this.toggle.addEventListener('click', () => {
+      const open = document.body.classList.contains('folded');
+      events.change({ panel: open === startsOpen ? undefined : open });
+    });
   }
 
   /** Brings the controls to what is set. */
   show(settings: Settings): void {
-    const { mode, movement, background, splatSize, points, near, photometric } = settings;
+    const { mode, movement, up, background, splatSize, points, near, photometric, panel } = settings, isOpen = panel ?? startsOpen;
+    document.body.classList.toggle('folded', !isOpen);
+    this.toggle.textContent = isOpen ? 'Hide' : 'Settings';
+    this.toggle.ariaExpanded = String(isOpen);
+    this.up.value = up ?? '';
     radio('mode', mode).checked = radio('movement', movement).checked = true;
     element('mode-help').textContent = MODE_HELP[mode];
     element('keys').textContent = KEYS[movement];
@@ -106,7 +113,7 @@ export class Panel {
   /** What the end of a file says. */
   setEnd(name: string, { background, areTrainingViews }: Scene): void {
     element('name').textContent = name;
-    document.title = `${name} – gsapp viewer`;
+    document.title = name === PAGE.title ? name : `${name} – gsapp viewer`;
     this.ownBackground = background;
     const kind = areTrainingViews ? 'Training view' : 'Test view';
     for (const option of this.camera.options) if (option.value !== '') option.textContent = `${kind} ${Number(option.value) + 1}`;

@@ -1,0 +1,9 @@
+// SPDX-License-Identifier: Apache-2.0
+// What `gsapp export` wrote into the page (docs/formats.md#the-folder-of-a-site): its title, and how it begins.
+
+import { parseAddress, type Address } from './address';
+
+const content = (name: string): string | undefined => document.querySelector<HTMLMetaElement>(`meta[name="gsapp:${name}"]`)?.content;
+const start = content('start');
+
+export const PAGE: { title?: string; start?: Address } = { title: content('title'), start: start === undefined ? undefined : parseAddress(start) };
