@@ -28,6 +28,7 @@ import { Meter } from './ui/meter';
 import { hideNotice, showError } from './ui/notice';
 import { Panel, sceneInfo } from './ui/panel';
 import { focusPicture, showSpeed } from './ui/picture';
+import { Headset } from './xr/headset';
 
 /** Milliseconds between two pictures of a model that is on its way. */
 const REFRESH = 200;
@@ -58,6 +59,14 @@ export class App implements Stage {
   private readonly meter = new Meter();
   private readonly comparison = new Comparison(() => this.redraw());
   private readonly levels = new Levels((file) => this.loader.showLevel(file), (detail) => this.change({ detail }));
+  private readonly headset = new Headset({
+    webGl: () => this.useWebGl(), sort: (view) => void this.sort(view), ended: () => this.redraw(), fail: (title, message) => this.fail(title, message),
+    model: () => {
+      if (!this.loaded || this.awaitsOrder) return undefined;
+      const { navigator } = this.loaded;
+      return { picture: this.picture(this.settings.mode, undefined), position: navigator.current().position, target: navigator.target, up: navigator.up };
+    },
+  });
   private loaded: Loaded | undefined;
   /** What opens files and shows them here. */
   readonly loader = new ModelLoader(this);
@@ -102,6 +111,13 @@ export class App implements Stage {
 
   private get renderer(): SceneRenderer {
     return this.screen.renderer;
+  }
+
+  /** What draws for a headset. */
+  private useWebGl(): Renderer {
+    if (!(this.renderer instanceof Renderer)) this.leaveWebGpu('headsets are drawn for by it');
+    if (!(this.renderer instanceof Renderer)) throw new Error('This browser does not offer WebGL2.');
+    return this.renderer;
   }
 
   /** From here on WebGL2 draws; a scene is read again. `message` says why. */
@@ -187,7 +203,7 @@ export class App implements Stage {
   }
 
   get isReserved(): boolean {
-    return this.pictures.isReserved;
+    return this.pictures.isReserved || this.headset.isOn;
   }
 
   private get model(): Loaded {

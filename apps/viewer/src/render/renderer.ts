@@ -29,7 +29,7 @@ export class Renderer implements SceneRenderer {
   private readonly gl: WebGL2RenderingContext;
   private readonly blended: Record<Precision, WebGLRenderTarget>;
   private readonly resolve = fullscreenPass(resolveCode + pixelCode, uniforms({
-    blended: null, background: [0, 0, 0], corrected: false, gain: 1, mix_colors: [1, 0, 0, 0, 1, 0, 0, 0, 1], response: new Float32Array(18),
+    blended: null, origin: [0, 0], background: [0, 0, 0], corrected: false, gain: 1, mix_colors: [1, 0, 0, 0, 1, 0, 0, 0, 1], response: new Float32Array(18),
   }));
   private gpu: GpuScene | undefined;
   private prepass: Prepass | undefined;
@@ -142,11 +142,12 @@ export class Renderer implements SceneRenderer {
     return target;
   }
 
-  /** The whole way, to the screen or to `target`. */
+  /** The whole way, to the screen or to the viewport of `target`. */
   render(view: View, picture: Picture, target: WebGLRenderTarget | null = null, precision = this.precision): void {
     if (this.colorsOf !== colorsKey(view, picture.mode, precision)) this.drawColors(view, picture.mode, precision);
     const blended = this.drawSplats(view, precision, picture.splats);
-    this.resolve.set({ blended: blended.texture, background: picture.background, ...correction(picture.exposure, this.gpu?.scene.photometric?.response) });
+    const origin = target ? [target.viewport.x, target.viewport.y] : [0, 0];
+    this.resolve.set({ blended: blended.texture, origin, background: picture.background, ...correction(picture.exposure, this.gpu?.scene.photometric?.response) });
     this.resolve.draw(this.webgl, target);
   }
 
