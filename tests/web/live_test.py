@@ -164,6 +164,19 @@ def check_killed(browser, gsapp, run):
     check(browser.evaluate("document.body.classList.contains('loaded')") and max(left) > 0 and browser.evaluate(MIDDLE) == left, "the picture stays")
 
 
+def check_normal_end(browser, gsapp, run):
+    """A training that ends by itself, while the page looks."""
+    training = Program(gsapp, "train", "-s", "builtin:glossy", "-m", run, "--device", "cpu", "--threads", 1, "-r", 8, "--time-limit", "12s", "--cap-max", 3000, "--eval", "--view", 0)
+    try:
+        browser.open(training.address())
+        wait_for(browser, f"{STATE}.startsWith('Finished after')", "the page says that the training has finished")
+        check(training.exit_code() == 0, f"it ends by itself: {training.lines[-3:]}")
+    finally:
+        training.process.kill()
+    wait_for(browser, f"{STATE}.includes('gsapp view {run}')", "and then what shows the run")
+    check(browser.evaluate(STATE).startswith("Finished after"), f"and still that it has finished: {browser.evaluate(STATE)}")
+
+
 def check_finished(browser, gsapp, run):
     """A run of which nobody looked at the training."""
     subprocess.run([gsapp, "train", "-s", "builtin:glossy", "-m", run, "--device", "cpu", "-r", "8", "--iterations", "200", "--eval", "--quiet"], check=True, capture_output=True)
@@ -212,6 +225,7 @@ def main():
                 check_after(browser, gsapp, run, re.search(r":(\d+)/", address)[1])
                 check_point_cloud(browser, gsapp, run)
                 check_killed(browser, gsapp, run.with_name("killed"))
+                check_normal_end(browser, gsapp, run.with_name("ended"))
                 check_finished(browser, gsapp, run.with_name("finished"))
         finally:
             training.process.kill()

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import { expect, test } from 'vitest';
 import { polyline } from '../src/live/chart';
-import { facts } from '../src/live/live_panel';
+import { facts, lostText } from '../src/live/live_panel';
 import type { Status } from '../src/live/status';
 
 const points = (text: string) => text.split(' ').map((point) => point.split(',').map(Number));
@@ -20,11 +20,20 @@ test('one value is no curve', () => {
   expect(polyline({ iterations: [], values: [] })).toBe('');
 });
 
+const status: Status = {
+  id: 'a', scene: 'lego', appearance: 'sh', run: 'run', state: 'training', controls: true, iteration: 900, num_gaussians: 5000, train_seconds: 7, save_pending: false,
+  model: { version: 3, iteration: 800, url: 'live/model-3.ngsplat' }, photographs: 0, loss_curve: { iterations: [], values: [] }, psnr_curve: { iterations: [], values: [] }, psnr_of: '',
+};
+
 test('the facts say of which iteration the picture on the page is, not the one that gsapp has', () => {
-  const status: Status = {
-    id: 'a', scene: 'lego', appearance: 'sh', run: 'run', state: 'training', controls: true, iteration: 900, num_gaussians: 5000, train_seconds: 7, save_pending: false,
-    model: { version: 3, iteration: 800, url: 'live/model-3.ngsplat' }, photographs: 0, loss_curve: { iterations: [], values: [] }, psnr_curve: { iterations: [], values: [] }, psnr_of: '',
-  };
   expect(facts(status, 700)).toContainEqual(['Picture of iteration', '700']);
   expect(facts(status, undefined).map(([name]) => name)).not.toContain('Picture of iteration');
+});
+
+test('when gsapp answers no more, the page still says how the training ended, or that it must have', () => {
+  expect(lostText(undefined, 1)).toBe('gsapp does not answer any more.');
+  expect(lostText({ ...status, state: 'finished' }, 1)).toBe('Finished after 900 iterations. gsapp view run shows what it saved.');
+  expect(lostText({ ...status, state: 'failed', message: 'no memory' }, 1)).toBe('Failed: no memory. gsapp view run shows what it saved.');
+  expect(lostText({ ...status, eta_seconds: 60 }, 59)).toBe('gsapp does not answer any more. gsapp view run shows what it saved.');
+  expect(lostText({ ...status, eta_seconds: 60 }, 61)).toBe('gsapp has ended; by its last estimate, the training has finished. gsapp view run shows what it saved.');
 });

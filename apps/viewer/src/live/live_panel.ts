@@ -32,6 +32,14 @@ export function stateText(status: Status): string {
   return texts[state] ?? state;
 }
 
+/** What there is to say when gsapp answers no more, so many seconds after it said `status`. */
+export function lostText(status: Status | undefined, seconds: number): string {
+  if (!status) return 'gsapp does not answer any more.';
+  const isOver = ['finished', 'stopped', 'failed'].includes(status.state), isDue = status.state === 'training' && seconds >= (status.eta_seconds ?? Infinity);
+  const what = isOver ? stateText(status) : isDue ? 'gsapp has ended; by its last estimate, the training has finished' : 'gsapp does not answer any more';
+  return `${what}. gsapp view ${status.run} shows what it saved.`;
+}
+
 /** `picture`: the iteration of the picture that is shown, if it is of this program. */
 export function facts(status: Status, picture: number | undefined): [string, string][] {
   const { num_gaussians, iterations_per_second: speed, train_seconds, saved_iteration, save_pending, snapshot_error } = status;
@@ -54,6 +62,7 @@ export class LivePanel {
   private readonly save = element<HTMLButtonElement>('live-save');
   private readonly stop = element<HTMLButtonElement>('live-stop');
   private status: Status | undefined;
+  private heardAt = 0;
   /** What is shown: the program that sent it, and its iteration. */
   private picture: { id: string; iteration: number } | undefined;
   private confirming: ReturnType<typeof setTimeout> | undefined;
@@ -80,6 +89,7 @@ export class LivePanel {
   /** `mayControl`: whether this page has the token. */
   show(status: Status, mayControl: boolean): void {
     this.status = status;
+    this.heardAt = Date.now();
     this.setState(stateText(status));
     this.showFacts();
     this.showCurve('live-loss', status.loss_curve, (loss) => `Loss ${loss.toFixed(4)}`);
@@ -115,8 +125,7 @@ export class LivePanel {
 
   showLost(): void {
     element('live-buttons').hidden = true;
-    const run = this.status ? ` gsapp view ${this.status.run} shows what it saved.` : '';
-    this.setState(`gsapp does not answer any more.${run}`);
+    this.setState(lostText(this.status, (Date.now() - this.heardAt) / 1000));
   }
 
   /** What came of the last press of a button; empty where there is nothing to say. */
