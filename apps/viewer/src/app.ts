@@ -274,7 +274,10 @@ export class App implements Stage {
     if (!keep && this.wanted === undefined) this.settings.up = undefined; // of the file before
     const navigator = keep ?? new Navigator(scene, sample, this.screen.canvas, { changed: () => this.redraw(), faster: showSpeed }, start?.camera);
     if (keep) keep.setScene(scene, sample);
-    else navigator.setMovement(this.settings.movement);
+    else {
+      navigator.setMovement(this.settings.movement);
+      if (this.settings.up) navigator.setUp(this.up(scene));
+    }
     this.awaitsOrder = keep !== undefined && scene.count > 0;
     this.loaded = { name, title: name, isComplete: false, isOwn, scene, sample, navigator, sorter };
     this.sortedFor = '';

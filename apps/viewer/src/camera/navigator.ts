@@ -84,7 +84,7 @@ export class Navigator {
   pinned: number | undefined;
   /** Whether this is the view that the model is first shown with. */
   isFirst = true;
-  /** Another view that is. */
+  /** Another view that is shown exactly. */
   private exact: View | undefined;
   private turning: number | undefined;
 
@@ -134,8 +134,9 @@ export class Navigator {
 
   /** The test view that is shown first, if one is. */
   private get firstTestView(): number | undefined {
-    const { start, scene: { testCameras } } = this, index = start && 'view' in start ? start.view : 0;
-    return start && 'from' in start ? undefined : testCameras[index] ? index : testCameras[0] && 0;
+    const { start, scene: { testCameras: { length } } } = this;
+    if (length === 0 || (start && 'from' in start)) return undefined;
+    return start && start.view < length ? start.view : 0;
   }
 
   /** Whether a photograph stands upright as it is. */
