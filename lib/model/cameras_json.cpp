@@ -72,8 +72,7 @@ void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
 
 std::vector<ListedView> read_cameras_json(const std::filesystem::path& path) {
     if (!path_exists(path)) return {};
-    std::ifstream file = open_input(path);
-    const nlohmann::json list = try_parse_json(file);
+    const nlohmann::json list = try_parse_json(read_input(path));
     if (!list.is_array()) throw DataError(fmt::format("{}: not a list of cameras (perhaps truncated)", path.string()));
     std::vector<ListedView> views;
     for (const nlohmann::json& entry : list) {
