@@ -59,7 +59,7 @@ TEST(Names, ThatAreNotUtf8ServeFromTrainingToResults) {
     EXPECT_EQ(cameras.size(), 9u);
 
     // The run folder alone leads back to the scene, whose name config.yaml holds byte for byte.
-    EXPECT_NE(program.read(run + "/config.yaml").find("source: \"" + scene + "\""), std::string::npos);
+    EXPECT_NE(program.read(run + "/config.yaml").find("/" + scene + "\"\n"), std::string::npos);
     const Outcome table = expect_ok("eval '" + run + "' --decompose --html 'p" + e + "ge.html'");
     EXPECT_NE(table.out.find("sc\xEF\xBF\xBDne"), std::string::npos) << table.out;
     for (const char* format : {"csv", "latex", "json"})

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kIterations = 120, kCheckpoint = 60;
+constexpr std::int64_t kIterations = 60, kCheckpoint = 30;
 
 /// A training in which Gaussians are relocated, added and corrected photometrically.
 TrainOptions tiny(const fs::path& folder) {
@@ -31,8 +31,7 @@ TrainOptions tiny(const fs::path& folder) {
     options.eval = true;
     options.device = Device::kCpu;
     options.iterations = kIterations;
-    options.init_points = 300;
-    options.cap_max = 500;
+    options.cap_max = 5100;  // 5000 points
     options.ppisp = PpispMode::kOn;
     options.controller_iterations = 0;
     options.quiet = true;
