@@ -204,9 +204,8 @@ void add_camera_options(CLI::App& command, RenderArguments& arguments) {
                              ->capture_default_str();
     views->check(CLI::IsMember({"test", "train", "all"}));
     // As render.py of 3DGS has them.
-    CLI::Option* skip_train =
-        command.add_flag("--skip_train,--skip-train", arguments.skip_train)->group("")->excludes(views);
-    command.add_flag("--skip_test,--skip-test", arguments.skip_test)->group("")->excludes(views)->excludes(skip_train);
+    command.add_flag("--skip_train,--skip-train", arguments.skip_train)->group("");
+    command.add_flag("--skip_test,--skip-test", arguments.skip_test)->group("");
     CLI::Option* path =
         command
             .add_option("--path", arguments.path,
@@ -313,9 +312,13 @@ void add_render_command(CLI::App& app, Command& selected) {
     add_ranks_option(*command, arguments->ranks);
     add_outcome_flag(*command, arguments->json);
     add_quiet_flag(*command);
-    command->callback([arguments, &selected] {
+    command->callback([arguments, command, &selected] {
+        if (arguments->skip_train && arguments->skip_test)
+            throw UsageError("--skip_train and --skip_test together leave no views");
+        if ((arguments->skip_train || arguments->skip_test) && command->get_option("--views")->count() > 0)
+            throw UsageError("--views names the views; leave --skip_train or --skip_test out");
+        if (arguments->skip_test) arguments->views = "train";
         selected = [arguments] {
-            if (arguments->skip_test) arguments->views = "train";
             const nlohmann::ordered_json written = run_render(*arguments);
             if (arguments->json && !written.is_null()) print_json(written);
         };

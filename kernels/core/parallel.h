@@ -8,7 +8,7 @@
 namespace gs {
 
 /// Sets the number of threads; 0 means all cores that the process may use. Must not be called while a parallel_for
-/// runs.
+/// runs. Throws DeviceError if the system does not give so many.
 void set_num_threads(int threads);
 int num_threads();
 

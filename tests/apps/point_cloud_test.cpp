@@ -244,8 +244,8 @@ TEST(PointCloud, InfiniteOpacitiesAndScalesAreShownAsTheirLimits) {
     const Outcome trained =
         expect_run(program, std::string("train --device cpu --iterations 20 -m on --init opaque.ply ") + kScene);
     EXPECT_NE(trained.err.find("have no gradient and begin as large finite ones"), std::string::npos) << trained.err;
-    for (const float x : read_ply(program.path("on/point_cloud/iteration_20/point_cloud.ply"))[Group::kOpacity].param)
-        EXPECT_TRUE(std::isfinite(x));
+    const Gaussians after = read_ply(program.path("on/point_cloud/iteration_20/point_cloud.ply"));
+    for (const float x : after[Group::kOpacity].param) EXPECT_TRUE(std::isfinite(x));
     // A file of which some rows are no Gaussians shows the others.
     put(program, "model.ply", "nan.ply", "f_dc_0", std::nanf(""), 7);
     EXPECT_NE(expect_run(program, std::string("render nan.ply -o nan ") + kScene).err.find("are left out"),
