@@ -38,7 +38,7 @@ double parse_duration(const std::string& text, const std::string& where) {
             std::from_chars(text.data() + at, text.data() + text.size(), number, std::chars_format::fixed);
         const std::size_t unit = std::size_t(end - text.data());
         if (error != std::errc{} || !(number >= 0)) throw wrong();
-        if (at == 0 && unit == text.size() && number > 0)
+        if (at == 0 && unit == text.size() && number > 0 && std::isfinite(number))
             throw UsageError(fmt::format("{0}: {1} of what? Write {1}ms, {1}s, {1}m or {1}h", where, text));
         at = std::min(text.find_first_of(kNumber, unit), text.size());
         const double factor = unit_seconds(text.substr(unit, at - unit));
