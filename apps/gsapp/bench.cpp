@@ -127,7 +127,7 @@ void add_frame_repeat_option(CLI::App& command, BenchRepeats& repeats) {
 CLI::Option* add_generate_option(CLI::App& command, std::vector<std::int64_t>& sizes) {
     // Checks run after transforms in the order they were added, so the range is that of the whole number.
     return command
-        .add_option("--generate", sizes, "Measure generated sets of these sizes, as 1M,3M,6M; needs no scene")
+        .add_option("--generate", sizes, "Measure generated sets of these sizes, such as 1M,3M,6M; needs no scene")
         ->delimiter(',')
         ->transform(CLI::AsNumberWithUnit(std::map<std::string, std::int64_t>{{"k", 1000}, {"m", 1000000}},
                                           CLI::AsNumberWithUnit::CASE_INSENSITIVE))

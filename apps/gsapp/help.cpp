@@ -15,15 +15,14 @@ namespace {
 /// The columns of a line, and where descriptions begin.
 constexpr std::size_t kColumns = 100, kDescription = 30;
 
-/// Returns the first short name, the first long one and the value: "-m, --model TEXT"; of a positional its name.
+/// Returns a short name, the shortest long one and the value: "-m, --model TEXT"; for a positional its name.
 std::string spelling(const OptionWords& option) {
-    const auto starts_long = [](const std::string& name) { return name.starts_with("--"); };
-    std::string text;
-    const auto short_name = std::find_if_not(option.names.begin(), option.names.end(), starts_long);
-    // Further long names of an option of the table stand before its key.
-    const auto long_name = std::find_if(option.names.rbegin(), option.names.rend(), starts_long);
-    if (short_name != option.names.end()) text = *short_name;
-    if (long_name != option.names.rend()) text += (text.empty() ? "" : ", ") + *long_name;
+    std::string short_name, long_name;
+    for (const std::string& name : option.names) {
+        std::string& kept = name.starts_with("--") ? long_name : short_name;
+        if (kept.empty() || name.size() < kept.size()) kept = name;
+    }
+    std::string text = short_name + (short_name.empty() || long_name.empty() ? "" : ", ") + long_name;
     if (text.empty()) return option.positional + (option.is_list ? "..." : "");
     constexpr std::size_t kMostChoices = 20;
     const std::string choices = fmt::format("{}", fmt::join(option.choices, "|"));

@@ -78,7 +78,7 @@ void add_tradeoff_command(CLI::App& app, Command& selected) {
         ->capture_default_str();
     command
         ->add_option("--time-limit", arguments->time_limit,
-                     "Start nothing that would not end in that time, as 20m, 90s, 2h; stop what has not")
+                     "Start nothing that would not end in that time, such as 20m or 2h; stop what has not")
         ->type_name("TIME");
     command->add_option("--quality", arguments->quality, "Measure of quality")
         ->check(CLI::IsMember({"psnr", "ssim"}))

@@ -71,7 +71,7 @@ void add_train_command(CLI::App& app, Command& selected) {
                       "Print progress and results on stdout as JSON lines; the table then goes to stderr");
     command->footer(
         "Examples:\n"
-        "  gsapp train path/to/scene -m output/scene --eval        # hold out every 8th view and measure on it\n"
+        "  gsapp train path/to/scene -m output/scene --eval        # measured on every 8th view\n"
         "  gsapp train path/to/scene --time-limit 5m --size-limit 20MB\n"
         "  gsapp train -m output/scene --resume                    # after an interruption");
     command->callback([=, &selected] {
