@@ -141,7 +141,7 @@ void add_eval_command(CLI::App& app, Command& selected) {
     command->add_flag("--json", arguments->json, "Short for --format json")->excludes(format);
     command
         ->add_option("--mark", arguments->marks,
-                     "Places that tables mark in each column, 0 to 3: bold, underlined, italic (default: 3 where more "
+                     "Places that tables mark in each column, 0 to 3: bold, underlined, italic (default: 3 if more "
                      "than three lines compare, otherwise 1)")
         ->check(CLI::Range(0, 3));
     add_quiet_flag(*command);
@@ -175,7 +175,7 @@ void add_eval_command(CLI::App& app, Command& selected) {
     command
         ->add_option(
             "--ppisp-eval", arguments->ppisp_eval,
-            "How views are corrected photometrically: controller (default where the model has one), none, "
+            "How views are corrected photometrically: controller (default if the model has one), none, "
             "colour-aligned (fits each view to its "
             "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")
         ->excludes(skip);

@@ -83,7 +83,7 @@ void run_export(ExportArguments arguments) {
         throw UsageError("--source is for --format web, which measures on its views, and for --up");
     if (arguments.compatible && arguments.format != "web") throw UsageError("--compatible is for --format web");
     if (arguments.levels && arguments.format != "web")
-        throw UsageError("--lod is for --format web, whose page chooses");
+        throw UsageError("--lod is for --format web, whose page chooses among the levels");
     if (arguments.photographs != 0 && arguments.format != "web")
         throw UsageError("--photographs is for --format web, whose page compares them with the model");
     if (arguments.photographs < 0) throw UsageError(fmt::format("--photographs={} is below 0", arguments.photographs));
@@ -155,10 +155,9 @@ void add_export_command(CLI::App& app, Command& selected) {
     command->add_flag("--lod", arguments->levels,
                       "With web: also write coarser levels, of a half to a sixteenth of the Gaussians, for phones and "
                       "slow devices; of two runs those of the first");
-    command->add_flag(
-        "--compatible", arguments->compatible,
-        "With web: store a residual for every Gaussian, as the paper's viewer expects it, also where only "
-        "some have one");
+    command->add_flag("--compatible", arguments->compatible,
+                      "With web: store a residual for every Gaussian, as the paper's viewer expects it, even if only "
+                      "some have one");
     command->add_flag("--overwrite", arguments->overwrite, "Replace an earlier export in DIR");
     add_outcome_flag(*command, arguments->json);
     add_quiet_flag(*command);

@@ -64,8 +64,10 @@ void run_prepare(const PrepareOptions& options, bool json, bool quiet) {
     for (const std::string& sentence : describe(report))
         log_message(is_poor(report) ? LogLevel::kWarn : LogLevel::kInfo, "{}", fmt::make_format_args(sentence));
     if (is_poor(report))
-        log_warning("what is left out needs more overlap with its neighbours, texture or sharpness; colmap's words: {}",
-                    report.log.string());
+        log_warning(
+            "photographs that were left out need more overlap with their neighbours, more texture, or to be sharper; "
+            "colmap's log: {}",
+            report.log.string());
     log_info("the scene is in {} (colmap's output: {}); train it with: gsapp train -s {} --eval",
              options.scene.string(), report.log.string(), options.scene.string());
     if (json) print_json(json_of(report, options.scene));
@@ -98,7 +100,7 @@ void add_prepare_command(CLI::App& app, Command& selected) {
         ->type_name("FILE");
     command->add_flag_function(
         "--gpu,!--cpu", [options](std::int64_t count) { options->gpu = count > 0; },
-        "Where colmap computes features and matches (default: the GPU where colmap has CUDA)");
+        "Where colmap computes features and matches (default: the GPU if colmap has CUDA)");
     command->add_flag("--overwrite", options->overwrite, "Replace an earlier scene at SCENE");
     const auto json = std::make_shared<bool>(false);
     add_outcome_flag(*command, *json);

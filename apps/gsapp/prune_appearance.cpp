@@ -47,8 +47,7 @@ void run_prune(const PruneArguments& arguments) {
 void add_prune_appearance_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<PruneArguments>();
     CLI::App* command = app.add_subcommand(
-        "prune-appearance",
-        "Take the view-dependent parameters from Gaussians of a finished run where they do not show");
+        "prune-appearance", "Remove view-dependent parameters that do not show from the Gaussians of a finished run");
     command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
     command
         ->add_option("-s,--source", arguments->source,

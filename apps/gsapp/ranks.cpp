@@ -10,7 +10,7 @@ CLI::Option* add_ranks_option(CLI::App& command, int& ranks) {
     return command
         .add_option("--ranks", ranks,
                     "Processes of this machine that share the Gaussians and render views at the same time, each with "
-                    "a GPU of its own where that is the device (docs/ranks.md)")
+                    "a GPU of its own if the device is a GPU (docs/ranks.md)")
         ->check(CLI::Range(1, 4096));
 }
 

@@ -190,7 +190,7 @@ Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const st
         std::any_of(axes.begin(), axes.end(), [](const TradeoffAxis& axis) { return axis.name == "iterations"; });
     if (varies_iterations && !options.time_limit.empty())
         throw UsageError(
-            "--axes iterations: a time limit leaves their number open; --search halving, too, divides iterations");
+            "--axes iterations: with --time-limit the time decides how many there are; leave one of the two out");
     limit_budget(options, share);  // of the cap that another axis may have set
     return configuration;
 }

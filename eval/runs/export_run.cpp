@@ -189,8 +189,9 @@ void log_packed(const std::filesystem::path& file, const PackedRun& run) {
 
 void log_levels(const PackedRun& run) {
     if (run.levels.size() == 1)
-        log_info("no coarser levels: {} Gaussians are fewer than the {} from which half of them make a smaller file",
-                 run.levels[0].scene.count(), 2 * ngsplat_unit());
+        log_info(
+            "no coarser levels: they make smaller files only of models with at least {1} Gaussians; this one has {0}",
+            run.levels[0].scene.count(), 2 * ngsplat_unit());
     for (std::size_t k = 1; k < run.levels.size(); ++k) {
         const auto& [scene, loss] = run.levels[k];
         log_info("{}: {} Gaussians{}", site_file::level(k), scene.count(),

@@ -70,7 +70,7 @@ ForeignProgram inria() {
              missing_switch("--train_test_exp",
                             "exposures of test views are not fitted to half of each photograph; --ppisp on learns "
                             "exposures, and gsapp eval --ppisp-eval colour-aligned fits test views"),
-             ignored("--data_device", "images are kept where they fit, up to --image-cache"),
+             ignored("--data_device", "images stay on the device as far as they fit into --image-cache"),
              same("--eval"),
              ignored_switch("--convert_SHs_python", kOneWay),
              ignored_switch("--compute_cov3D_python", kOneWay),

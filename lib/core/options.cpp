@@ -328,9 +328,10 @@ void validate(TrainOptions& options) {
         throw UsageError(fmt::format("option time-limit: {} is less than the shortest useful one, {:g}s",
                                      options.time_limit, kShortestTime));
     if (!options.time_limit.empty() && options.schedule == ScheduleKind::kFixed)
-        throw UsageError("option schedule: fixed counts iterations, whose number a time limit leaves open");
+        throw UsageError(
+            "option schedule: fixed counts iterations, and a time limit does not say how many there will be");
     if (options.target_psnr > 0 && options.schedule == ScheduleKind::kFixed)
-        throw UsageError("option schedule: fixed counts iterations, whose number a target leaves open");
+        throw UsageError("option schedule: fixed counts iterations, and a target does not say how many there will be");
     if (options.appearance_bytes > 0 && options.named.contains("appearance-share"))
         throw UsageError("option appearance-bytes: it is another way to say appearance-share; give one of them");
     if (options.target_psnr > 0 && options.strategy != Strategy::kMcmc)

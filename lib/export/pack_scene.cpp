@@ -143,8 +143,8 @@ void complete_residuals(Gaussians& g) {
     const ModelInfo& info = appearance_model(g.appearance.model);
     if (info.num_shared > 0)
         throw UsageError(fmt::format(
-            "appearance {}: {} of {} Gaussians have no residual, and none that shows nothing exists where weights are "
-            "shared: only viewers that know mixed models can show them",
+            "appearance {}: {} of {} Gaussians have no residual, and with shared weights there is no residual that "
+            "changes nothing: only viewers that know mixed models can show them",
             info.name, g.count - g.num_residuals(), g.count));
     GroupArrays<float>& residuals = g[Group::kResidual];
     std::vector<float> row(std::size_t(residuals.width));
