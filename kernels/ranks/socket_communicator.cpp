@@ -22,22 +22,26 @@ namespace {
 
 using Size = std::uint64_t;
 
+/// A machine that is silent for so long is asked whether it is there, and is gone if it has not answered so many times.
+constexpr int kKeepAliveSeconds = 15, kKeepAliveTries = 4;
+
 /// An array on its way with its size before it, in one direction.
-class Passage {
+class Transfer {
   public:
-    Passage(std::byte* data, std::size_t bytes) : data_(data), size_(bytes), header_(bytes), left_(bytes) {
+    Transfer(std::byte* data, std::size_t bytes) : data_(data), size_(bytes), header_(bytes), left_(bytes) {
         if (bytes > 0) left_ += sizeof header_;
     }
     bool is_done() const { return left_ == 0; }
-    /// Returns whether the size has passed, and is that of the array.
+    /// Returns whether the size has passed.
     bool has_size() const { return left_ <= size_; }
-    bool has_right_size() const { return header_ == size_; }
+    /// Returns the size that was sent.
     Size header() const { return header_; }
     /// Calls move(message), which returns how many bytes it moved, negative with errno for none.
-    template <class Move> ssize_t go_on(Move&& move) {
+    template <class Move> ssize_t advance(Move&& move) {
         const std::size_t header_left = left_ > size_ ? left_ - size_ : 0, data_left = left_ - header_left;
-        std::array<iovec, 2> parts{{{reinterpret_cast<std::byte*>(&header_) + sizeof header_ - header_left, header_left},
-                                    {data_ + size_ - data_left, data_left}}};
+        std::array<iovec, 2> parts{
+            {{reinterpret_cast<std::byte*>(&header_) + sizeof header_ - header_left, header_left},
+             {data_ + size_ - data_left, data_left}}};
         msghdr message{};
         message.msg_iov = parts.data(), message.msg_iovlen = parts.size();
         const ssize_t moved = move(message);
@@ -58,12 +62,16 @@ class SocketCommunicator final : public Communicator {
           to_rank_(std::move(to_rank)),
           wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
         if (!wake_.is_open()) throw DeviceError(std::string("cannot connect the ranks: ") + std::strerror(errno));
-        // Many messages are short, and a machine that is gone does not say so. On sockets of a machine of its own
-        // neither has an effect.
-        const int yes = 1;
         for (const Descriptor& socket : to_rank_) {
-            ::setsockopt(socket.fd(), IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
-            ::setsockopt(socket.fd(), SOL_SOCKET, SO_KEEPALIVE, &yes, sizeof yes);
+            // Sockets that stay on one machine may know none of these options, and need none.
+            const auto set = [&](int level, int option, int value) {
+                ::setsockopt(socket.fd(), level, option, &value, sizeof value);
+            };
+            set(IPPROTO_TCP, TCP_NODELAY, 1);  // short messages are sent at once
+            set(SOL_SOCKET, SO_KEEPALIVE, 1);  // a machine that is gone is noticed while others wait for it
+            set(IPPROTO_TCP, TCP_KEEPIDLE, kKeepAliveSeconds);
+            set(IPPROTO_TCP, TCP_KEEPINTVL, kKeepAliveSeconds);
+            set(IPPROTO_TCP, TCP_KEEPCNT, kKeepAliveTries);
         }
     }
 
@@ -76,7 +84,7 @@ class SocketCommunicator final : public Communicator {
     void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
         const auto self = std::size_t(rank());
         if (!out[self].empty() && !in[self].empty()) std::memcpy(in[self].data(), out[self].data(), in[self].size());
-        std::vector<Passage> sends, receives;
+        std::vector<Transfer> sends, receives;
         for (std::size_t r = 0; r < out.size(); ++r) {
             // Nothing is written to what is sent.
             sends.emplace_back(const_cast<std::byte*>(out[r].data()), r == self ? 0 : out[r].size());
@@ -89,11 +97,11 @@ class SocketCommunicator final : public Communicator {
             waits.assign(1, {wake_.fd(), POLLIN, 0});
             for (std::size_t r = 0; r < out.size(); ++r) {
                 if (!sends[r].is_done() && ready[r] & ~POLLIN) send(r, sends[r]);
-                if (!receives[r].is_done() && ready[r] & ~POLLOUT) receive(r, receives[r]);
+                if (!receives[r].is_done() && ready[r] & ~POLLOUT) receive(r, receives[r], in[r].size());
                 const int events = (sends[r].is_done() ? 0 : POLLOUT) | (receives[r].is_done() ? 0 : POLLIN);
                 waits.push_back({events ? to_rank_[r].fd() : -1, short(events), 0});
             }
-            const auto is_done = [](const Passage& passage) { return passage.is_done(); };
+            const auto is_done = [](const Transfer& array) { return array.is_done(); };
             if (std::all_of(sends.begin(), sends.end(), is_done) &&
                 std::all_of(receives.begin(), receives.end(), is_done))
                 return;
@@ -102,20 +110,19 @@ class SocketCommunicator final : public Communicator {
         }
     }
 
-    void send(std::size_t to, Passage& passage) {
-        const ssize_t sent = passage.go_on([&](const msghdr& message) {
-            return ::sendmsg(to_rank_[to].fd(), &message, MSG_NOSIGNAL | MSG_DONTWAIT);
-        });
+    void send(std::size_t to, Transfer& array) {
+        const ssize_t sent = array.advance(
+            [&](const msghdr& message) { return ::sendmsg(to_rank_[to].fd(), &message, MSG_NOSIGNAL | MSG_DONTWAIT); });
         if (sent < 0) check(to);
     }
-    void receive(std::size_t from, Passage& passage) {
-        const ssize_t received = passage.go_on(
-            [&](msghdr& message) { return ::recvmsg(to_rank_[from].fd(), &message, MSG_DONTWAIT); });
+    void receive(std::size_t from, Transfer& array, Size expected) {
+        const ssize_t received =
+            array.advance([&](msghdr& message) { return ::recvmsg(to_rank_[from].fd(), &message, MSG_DONTWAIT); });
         if (received < 0) check(from);
         if (received == 0) throw DeviceError("rank " + std::to_string(from) + " has closed the connection");
-        if (passage.has_size() && !passage.has_right_size())
-            throw DeviceError("rank " + std::to_string(from) + " has sent " + std::to_string(passage.header()) +
-                              " bytes, which are not what was expected");
+        if (array.has_size() && array.header() != expected)
+            throw DeviceError("rank " + std::to_string(from) + " has sent " + std::to_string(array.header()) +
+                              " bytes where " + std::to_string(expected) + " were expected");
     }
     /// Throws unless errno says that a later try may succeed.
     void check(std::size_t other) const {

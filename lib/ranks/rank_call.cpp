@@ -82,9 +82,9 @@ std::string body_of(const RankRequest& request, const std::string& job) {
 }
 
 /// A connection to another rank whose calls throw DeviceError once the time is over.
-class Line {
+class Connection {
   public:
-    Line(const RankAddress& address, double seconds) : end_(seconds_now() + seconds) {
+    Connection(const RankAddress& address, double seconds) : end_(seconds_now() + seconds) {
         addrinfo hints{}, *found = nullptr;
         hints.ai_socktype = SOCK_STREAM;
         if (const int error = ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found))
@@ -150,16 +150,16 @@ class Line {
 };
 
 /// Asks once.
-RankAnswer ask_once(Line& line, const std::string& body, const std::string& secret) {
-    const std::string greeting = line.read(kMagic.size() + kNonceBytes);
+RankAnswer ask_once(Connection& rank, const std::string& body, const std::string& secret) {
+    const std::string greeting = rank.read(kMagic.size() + kNonceBytes);
     if (!greeting.starts_with(kMagic)) throw DeviceError("another program answers, or another version of gsapp");
     const std::string own_nonce = random_bytes(kNonceBytes), nonces = greeting.substr(kMagic.size()) + own_nonce;
-    line.write(size_text(body.size()) + own_nonce + body + proof_of(secret, kAsks, nonces, body));
-    const std::string status = line.read(1);
+    rank.write(size_text(body.size()) + own_nonce + body + proof_of(secret, kAsks, nonces, body));
+    const std::string status = rank.read(1);
     if (RankAnswer::Status(status[0]) == RankAnswer::Status::kRefused) return {RankAnswer::Status::kRefused, ""};
-    const std::string value = line.read(size_at(line.read(kSizeBytes)));
+    const std::string value = rank.read(size_at(rank.read(kSizeBytes)));
     // A rank that does not know the secret cannot answer either.
-    if (!equal(line.read(kProofBytes), proof_of(secret, kAnswers, nonces, status + value)))
+    if (!equal(rank.read(kProofBytes), proof_of(secret, kAnswers, nonces, status + value)))
         return {RankAnswer::Status::kRefused, ""};
     return {RankAnswer::Status(status[0]), value};
 }
@@ -176,9 +176,9 @@ RankAnswer ask(const RankAddress& address, const RankRequest& request, const Cre
         std::optional<RankAnswer> answer;
         std::string reason;
         try {
-            Line line(address, kAnswerSeconds);
-            answer = ask_once(line, body, credentials.secret);
-            if (connection) *connection = line.take();
+            Connection rank(address, kAnswerSeconds);
+            answer = ask_once(rank, body, credentials.secret);
+            if (connection) *connection = rank.take();
         } catch (const DeviceError& e) {
             reason = e.what();
         }

@@ -13,6 +13,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstring>
+#include <exception>
 #include <list>
 #include <map>
 #include <mutex>
@@ -114,20 +115,22 @@ struct RankPort::Implementation {
     std::atomic<bool> ending = false;
     std::thread thread;
 
-    Implementation(const Credentials& credentials_of_job, Handler answers, int size, Descriptor socket,
-                   Descriptor wakes)
-        : credentials(credentials_of_job),
-          handler(std::move(answers)),
+    Implementation(const Credentials& credentials_, Handler handler_, int size, Descriptor listening_, Descriptor wake_)
+        : credentials(credentials_),
+          handler(std::move(handler_)),
           most_strangers(kMostStrangers + 2 * std::size_t(size)),
-          listening(std::move(socket)),
-          wake(std::move(wakes)),
+          listening(std::move(listening_)),
+          wake(std::move(wake_)),
           thread([this] { run(); }) {}
 
     void run() {
         while (!ending) {
             wait();
             const double now = seconds_now();
-            accept_all(now);
+            try {
+                accept_all(now);
+            } catch (const std::exception&) {  // out of memory: who comes next may find some
+            }
             for (auto visitor = visitors.begin(); visitor != visitors.end();)
                 visitor = advance(*visitor, now) ? std::next(visitor) : visitors.erase(visitor);
         }
@@ -187,7 +190,7 @@ struct RankPort::Implementation {
                 visitor.deadline = now + kAnswerSeconds;
             }
             if (!visitor.write() || now > visitor.deadline) return false;
-        } catch (const Error&) {  // it speaks another language
+        } catch (const std::exception&) {  // this is no request, or it is longer than memory has room for
             return false;
         }
         if (!visitor.answer || !visitor.out.empty()) return true;

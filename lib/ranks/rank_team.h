@@ -16,8 +16,9 @@ class RankTeam {
     /// Joins the ranks that torchrun or Slurm started (rank_place), or else starts `local_ranks` - 1 processes beside
     /// this one, which becomes rank 0. They get the same command line. `work` says what they are started for, such as
     /// the run folder: ranks that were started for something else, and meet at the same port, do not disturb these.
-    /// Returns null for a process that works alone. Throws UsageError if both are asked for and differ, DeviceError
-    /// when rank 0 cannot be reached.
+    /// Ranks without the secret of these (shared_secret; a new one for processes started here) are refused. Returns
+    /// null for a process that works alone. Throws UsageError if both are asked for and differ or if there is no
+    /// secret, DeviceError when rank 0 cannot be reached.
     static std::unique_ptr<RankTeam> join(int local_ranks, const std::string& work);
     /// Rank 0 tells the others that there is nothing more to do.
     ~RankTeam();

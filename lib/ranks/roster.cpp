@@ -9,6 +9,7 @@
 
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
+#include "lib/ranks/secret.h"
 
 namespace gs {
 namespace {
@@ -61,7 +62,10 @@ void Roster::look_for_lost_ranks() {
         for (std::size_t r = 1; r < heard_.size(); ++r) {
             const Heard& heard = heard_[r];
             if (heard.seconds == 0 && now - start_ > kLongestWait)
-                message = fmt::format("rank {} of {} did not come within {:g} s", r, heard_.size(), kLongestWait);
+                message = fmt::format(
+                    "rank {} of {} did not come within {:g} s: it was not started, cannot reach this machine, or has "
+                    "another secret ({})",
+                    r, heard_.size(), kLongestWait, kSecretVariable);
             else if (heard.seconds > 0 && now - heard.seconds > kLongestSilence)
                 message = fmt::format("rank {} on {} has not been heard of for {:g} s: it hangs, or its machine does",
                                       r, heard.host, kLongestSilence);
