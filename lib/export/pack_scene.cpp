@@ -18,6 +18,7 @@
 #include "lib/export/file_order.h"
 #include "lib/export/mean_area.h"
 #include "lib/export/selected_rows.h"
+#include "lib/export/turn.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/center.h"
 #include "lib/model/limit_values.h"
@@ -191,19 +192,18 @@ void add_cameras(PackedScene& scene, const Gaussians& g, const std::vector<View>
     if (g.count == 0 && test.empty()) return;
     const std::vector<float>& means = g[Group::kMean].param;
     const Eigen::Vector3d center = median_center(g);
-    Eigen::Vector3d up = Eigen::Vector3d::Zero();
+    std::vector<Camera> cameras;
     std::vector<double> distances;
     for (const View& view : test) {
         scene.cameras.push_back(packed_camera(view.camera));
-        up -= view.camera.rotation.row(1).transpose();  // the camera's y axis points down
+        cameras.push_back(view.camera);
         distances.push_back((view.camera.center() - center).norm());
     }
     if (test.empty()) {
         for (std::int64_t i = 0; i < g.count; ++i)
             distances.push_back(1.5 * (Eigen::Vector3f(means.data() + 3 * i).cast<double>() - center).norm());
     }
-    if (up.norm() < 1e-6) up = {0, -1, 0};
-    up.normalize();
+    const Eigen::Vector3d up = find_up(cameras).value_or(-Eigen::Vector3d::UnitY());
     scene.distance = float(median(std::move(distances)));
     scene.center = {float(center.x()), float(center.y()), float(center.z())};
     scene.up = {float(up.x()), float(up.y()), float(up.z())};

@@ -21,21 +21,58 @@ constexpr double kLeastSpread = 0.05;
 /// Directions that the fit of a rotation samples; the 15 coefficients need some more than 16.
 constexpr int kTurnDirections = 64;
 
-}  // namespace
+/// By so much thinner has the plane of the vertical axes to be than that of the horizontal ones for photographs to lie
+/// on their side.
+constexpr double kClearly = 0.25;
 
-Eigen::Vector3d up_direction(const std::vector<Camera>& cameras) {
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+/// The plane in which directions lie.
+struct Plane {
+    Eigen::Vector3d normal;
+    double thickness = 0;  ///< mean square of what sticks out of it
+    bool known = false;    ///< whether the directions spread over it
+};
+
+/// Returns the plane of a row of the cameras' rotations: 0 has their horizontal axes, 1 the vertical ones.
+Plane plane_of(const std::vector<Camera>& cameras, Eigen::Index row) {
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
     for (const Camera& camera : cameras) {
-        const Eigen::Vector3d right = camera.rotation.row(0).transpose();
-        mean -= camera.rotation.row(1).transpose() / double(cameras.size());  // the camera's y axis points down
-        spread += right * right.transpose() / double(cameras.size());
+        const Eigen::Vector3d axis = camera.rotation.row(row).transpose();
+        spread += axis * axis.transpose() / double(cameras.size());
     }
-    if (!(mean.norm() > 1e-6)) throw UsageError("the cameras do not say which way is up");
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);  // eigenvalues rise
-    const Eigen::Vector3d level = axes.eigenvectors().col(0);
-    if (axes.eigenvalues()[1] < kLeastSpread || std::abs(level.dot(mean)) < 0.5 * mean.norm()) return mean.normalized();
-    return level.dot(mean) < 0 ? -level : level;
+    return {axes.eigenvectors().col(0), axes.eigenvalues()[0], axes.eigenvalues()[1] >= kLeastSpread};
+}
+
+/// Returns the mean of a row of the cameras' rotations.
+Eigen::Vector3d mean_row(const std::vector<Camera>& cameras, Eigen::Index row) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const Camera& camera : cameras) mean += camera.rotation.row(row).transpose() / double(cameras.size());
+    return mean;
+}
+
+}  // namespace
+
+std::optional<Eigen::Vector3d> find_up(const std::vector<Camera>& cameras) {
+    if (cameras.empty()) return std::nullopt;
+    const Plane level = plane_of(cameras, 0), lying = plane_of(cameras, 1);
+    const auto towards = [](const Eigen::Vector3d& normal, const Eigen::Vector3d& side) {
+        return normal.dot(side) < 0 ? Eigen::Vector3d(-normal) : normal;
+    };
+    if (lying.known && (!level.known || lying.thickness < kClearly * level.thickness)) {
+        const Eigen::Vector3d right = mean_row(cameras, 0);
+        // Cameras on a ring have horizontal vertical axes alone if their photographs lie.
+        if (std::abs(lying.normal.dot(right)) >= 0.5) return towards(lying.normal, -mean_row(cameras, 2));
+    }
+    const Eigen::Vector3d mean = -mean_row(cameras, 1);  // the camera's y axis points down
+    if (!(mean.norm() > 1e-6)) return std::nullopt;
+    if (!level.known || std::abs(level.normal.dot(mean)) < 0.5 * mean.norm()) return mean.normalized();
+    return towards(level.normal, mean);
+}
+
+Eigen::Vector3d up_direction(const std::vector<Camera>& cameras) {
+    const auto up = find_up(cameras);
+    if (!up) throw UsageError("the cameras do not say which way is up");
+    return *up;
 }
 
 Eigen::Matrix3d turn_to(const Eigen::Vector3d& up, const Eigen::Vector3d& axis) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "kernels/model/gaussian_state.h"
@@ -12,7 +13,11 @@ namespace gs {
 
 /// Returns the direction that points up where cameras are held level: the one to which their horizontal axes are most
 /// nearly perpendicular, on the side of the cameras' mean up. Where these axes do not say (cameras side by side, or too
-/// few) it is the mean up itself. Throws UsageError without cameras, and where the mean is zero.
+/// few) it is the mean up itself. If the photographs of all cameras lie on their side, their vertical axes are the
+/// horizontal ones, and the cameras look down rather than up. Empty without cameras, and where the mean is zero.
+std::optional<Eigen::Vector3d> find_up(const std::vector<Camera>& cameras);
+
+/// Returns find_up. Throws UsageError where it is empty.
 Eigen::Vector3d up_direction(const std::vector<Camera>& cameras);
 
 /// Returns the rotation that takes `up` to the unit vector `axis` (along y or z). It turns by a multiple of 90 degrees

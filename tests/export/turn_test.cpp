@@ -122,6 +122,27 @@ TEST(Turn, LevelCamerasSayWhichWayIsUp) {
     EXPECT_THROW(up_direction({}), UsageError);
 }
 
+TEST(Turn, PhotographsThatLieOnTheirSideSayWhichWayIsUp) {
+    const Eigen::Vector3d up = Eigen::Vector3d(0.1, 0.2, 0.9).normalized(), side = up.unitOrthogonal();
+    for (const double height : {0.0, 0.5, 1.5, 3.0}) {
+        for (const bool lies : {false, true}) {
+            std::vector<Camera> cameras;
+            for (int i = 0; i < 12; ++i) {
+                const Eigen::Vector3d around = Eigen::AngleAxisd(0.5 * i, up) * side;
+                Camera camera = camera_at(3 * around + height * up, up);
+                const Eigen::Matrix3d as_it_is = camera.rotation;
+                if (lies) camera.rotation.row(0) = as_it_is.row(1), camera.rotation.row(1) = -as_it_is.row(0);
+                cameras.push_back(camera);
+            }
+            const auto found = find_up(cameras);
+            ASSERT_TRUE(found);
+            const double cosine = lies && height == 0 ? std::abs(found->dot(up)) : found->dot(up);
+            EXPECT_GT(cosine, 0.999) << height << (lies ? ", lying" : "");
+        }
+    }
+    EXPECT_FALSE(find_up({}));
+}
+
 TEST(Turn, TakesUpToTheAxis) {
     const Eigen::Vector3d y = Eigen::Vector3d::UnitY(), z = Eigen::Vector3d::UnitZ();
     for (const Eigen::Vector3d& axis : {y, z, Eigen::Vector3d(-y)}) {
