@@ -30,6 +30,16 @@ std::optional<double> take_number(std::string_view& rest) {
     return value;
 }
 
+/// Returns where a model's front faces by custom, level: towards +z where +y is up (glTF), -z where -y is (COLMAP and
+/// 3DGS), and -y where z is (CAD and Blender). The web viewer opens such models on the same side.
+Vector3d front_of(const Vector3d& up) {
+    Eigen::Index main = 0;
+    up.cwiseAbs().maxCoeff(&main);
+    const Vector3d front =
+        main == 2 ? Vector3d(0, up.z() > 0 ? -1 : 1, 0) : Vector3d(0, 0, main == 1 && up.y() < 0 ? -1 : 1);
+    return (front - front.dot(up) * up).normalized();
+}
+
 }  // namespace
 
 OrbitRadius parse_orbit_radius(const std::string& text) {
@@ -76,7 +86,7 @@ View usual_view(const Gaussians& model, OrbitShape& shape, const Frame& frame) {
     for (std::int64_t i = 0; i < model.count; ++i)
         distances.push_back((Eigen::Vector3f(model[Group::kMean].param.data() + 3 * i).cast<double>() - center).norm());
     const double distance = std::max(kDistance * median(std::move(distances)), 1e-3);
-    const Vector3d side = shape.up->unitOrthogonal();
+    const Vector3d side = front_of(*shape.up);
     View view;
     view.camera.width = kWidth, view.camera.height = kHeight;
     view.camera.fx = view.camera.fy = 0.5 * kHeight / std::tan(0.5 * kFieldOfView);

@@ -37,8 +37,8 @@ struct OrbitShape {
 };
 
 /// Returns a view of a model that no cameras belong to, in its frame: 1280x720 pixels, 50 degrees high, above the
-/// middle of the Gaussians and so far away that most are seen. Sets the target of `shape` to that middle, and its "up"
-/// to -y, where they are not given.
+/// middle of the Gaussians, in front of the model, and so far away that most are seen. Sets the target of `shape` to
+/// that middle, and its "up" to -y, where they are not given.
 View usual_view(const Gaussians& model, OrbitShape& shape, const Frame& frame);
 
 /// Returns cameras on a circle, in the frame, with the first view's intrinsics. They look at the point that the cameras

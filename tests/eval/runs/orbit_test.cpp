@@ -78,6 +78,7 @@ TEST(Orbit, GoesAroundAModelWithoutCameras) {
     OrbitShape shape{.count = 4};
     const View view = usual_view(model, shape, frame);
     EXPECT_EQ(view.camera.width, 1280);
+    EXPECT_LT(view.camera.center().z(), -2) << "where -y is up, the front faces -z";
     ASSERT_TRUE(shape.target && shape.up);
     EXPECT_NEAR((frame.from_scene(*shape.target) - Vector3d(5, 0, 0)).norm(), 0, 1e-9) << "the median";
     for (const Camera& camera : orbit_path({view}, shape, frame)) {
