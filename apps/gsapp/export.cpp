@@ -20,7 +20,7 @@ namespace {
 
 struct ExportArguments {
     std::vector<std::string> runs;
-    std::string output, up, format = "web";
+    std::string output, up, format = "web", title, start_view, url;
     std::shared_ptr<SceneArguments> scene;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     int photographs = 0;          ///< most of them
@@ -86,6 +86,10 @@ void run_export(ExportArguments arguments) {
         throw UsageError("--lod is for --format web, whose page chooses among the levels");
     if (arguments.photographs != 0 && arguments.format != "web")
         throw UsageError("--photographs is for --format web, whose page compares them with the model");
+    for (const auto& [name, text] :
+         {std::pair("--title", &arguments.title), {"--start-view", &arguments.start_view}, {"--url", &arguments.url}})
+        if (!text->empty() && arguments.format != "web")
+            throw UsageError(fmt::format("{} is for --format web, whose page it describes", name));
     if (arguments.photographs < 0) throw UsageError(fmt::format("--photographs={} is below 0", arguments.photographs));
     if (arguments.runs.size() > 1 && arguments.format != "web")
         throw UsageError("two runs are for --format web, whose page compares them");
@@ -102,7 +106,10 @@ void run_export(ExportArguments arguments) {
     if (arguments.format == "web")
         exported = export_web(request, {.second_run = arguments.runs.size() > 1 ? arguments.runs[1] : "",
                                         .levels = arguments.levels,
-                                        .photographs = arguments.photographs});
+                                        .photographs = arguments.photographs,
+                                        .title = arguments.title,
+                                        .start_view = arguments.start_view,
+                                        .url = arguments.url});
     else
         exported = {export_file(request, arguments.format == "ply" ? SplatFormat::kPly : SplatFormat::kSplat,
                                 arguments.sh_projection)};
@@ -147,6 +154,26 @@ void add_export_command(CLI::App& app, Command& selected) {
                      "Turn the model so that this axis points up, as the cameras were held: y, z or -y (default: as it "
                      "is; for colours of one direction and spherical harmonics)")
         ->check(CLI::IsMember({"y", "z", "-y"}));
+    const CLI::Validator not_blank(
+        [](const std::string& text) {
+            return text.find_first_not_of(" \t\r\n") == std::string::npos ? "it is empty" : "";
+        },
+        "");
+    command->add_option("--title", arguments->title, "With web: title of the page (default: the scene's name)")
+        ->check(not_blank)
+        ->type_name("TEXT");
+    command
+        ->add_option("--start-view", arguments->start_view,
+                     "With web: what the page begins with: the name of a photograph, the number of a view in the "
+                     "page's list, or what follows the # of a link that the page copied (default: the first view)")
+        ->check(not_blank)
+        ->type_name("VIEW");
+    command
+        ->add_option("--url", arguments->url,
+                     "With web: address that the folder will have, for services that show a picture beside a link and "
+                     "need its full address")
+        ->check(not_blank)
+        ->type_name("URL");
     command->add_option("--iteration", arguments->iteration, "Saved iteration to export (default: the last)")
         ->check(CLI::NonNegativeNumber);
     command->add_flag("--photographs{40}", arguments->photographs,

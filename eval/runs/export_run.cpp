@@ -10,13 +10,18 @@
 #include <nlohmann/json.hpp>
 
 #include "appearance/model_info.h"
+#include "eval/metrics/quantize.h"
 #include "eval/runs/camera_path.h"
 #include "eval/runs/coarser_levels.h"
+#include "eval/runs/decompose.h"
 #include "eval/runs/evaluate.h"
+#include "eval/runs/orbit.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/shown_views.h"
+#include "eval/runs/site_page.h"
 #include "eval/runs/view_scores.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/version.h"
@@ -26,27 +31,33 @@
 #include "lib/export/splat_file.h"
 #include "lib/export/turn.h"
 #include "lib/io/atomic_file.h"
+#include "lib/model/center.h"
 #include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
+#include "lib/scene/camera_params.h"
 #include "lib/scene/frame.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
 namespace {
 
+/// Returns what a site calls the scene of a run.
+std::string name_of(const SavedRun& run) {
+    return run.options.source.empty() ? run.folder.stem().string() : scene_name(run.options.source);
+}
+
 /// Returns what a file says about itself, where other readers do not look. `num_all`: Gaussians of the model of which
 /// this is a coarser level; 0: it is none.
 std::string trailer(const SavedRun& run, const Gaussians& model, const PackedScene& scene,
                     const std::optional<PackingLoss>& loss, bool described, std::int64_t num_all) {
-    nlohmann::ordered_json json = {
-        {"generator", version_text()},
-        {"scene", run.options.source.empty() ? run.folder.stem().string() : scene_name(run.options.source)},
-        {"appearance", model.appearance.model},
-        {"iteration", run.iteration},
-        {"background", {run.background.x, run.background.y, run.background.z}},
-        {"num_gaussians", scene.count()},
-        {"bytes_per_gaussian", scene.mean_bytes_per_gaussian()},
-        {"photometric", correction_name(run.correction.mode)}};
+    nlohmann::ordered_json json = {{"generator", version_text()},
+                                   {"scene", name_of(run)},
+                                   {"appearance", model.appearance.model},
+                                   {"iteration", run.iteration},
+                                   {"background", {run.background.x, run.background.y, run.background.z}},
+                                   {"num_gaussians", scene.count()},
+                                   {"bytes_per_gaussian", scene.mean_bytes_per_gaussian()},
+                                   {"photometric", correction_name(run.correction.mode)}};
     if (num_all > 0) json["level_of"] = num_all;
     if (run.scene.test.empty() && !scene.cameras.empty()) json["views"] = "training";
     if (!run.scene.frame.is_identity()) json["frame"] = frame_json(run.scene.frame);
@@ -98,11 +109,32 @@ struct PackedRun {
     std::vector<View> views;          ///< the test views, or without any some of those of the training
     bool has_test_views = false;
     Vec3<float> background;
+    std::string scene_name;
+    std::string start;  ///< StartView::fragment
+    Image preview;      ///< what the page begins with; without pixels if no page was asked for
 };
 
-/// `described`: whether a site.json lies beside the file. `coarser`: whether to make coarser levels.
+/// Finds what the page of a site begins with, and renders it.
+void add_start(PackedRun& packed, SavedRun& run, const Gaussians& model, const std::string& start_view) {
+    std::vector<Camera> cameras;
+    for (const View& view : packed.views) cameras.push_back(view.camera);
+    const NamedViews views{packed.views, run.scene, find_up(cameras).value_or(-Eigen::Vector3d::UnitY()),
+                           median_center(model)};
+    OrbitShape shape{.up = views.up};
+    const StartView start = find_start_view(start_view, views, usual_view(model, shape, run.scene.frame));
+    packed.start = start.fragment;
+    const Camera camera = preview_camera(start.view.camera, kPreviewWidth, kPreviewHeight);
+    RenderedImage image;
+    run.backend->render(
+        part_request(camera_params(camera), run.background, RenderMode::kFull, view_isp(start.view, run.correction)),
+        image);
+    packed.preview = quantized_render(image);
+}
+
+/// `described`: whether a site.json lies beside the file. `coarser`: whether to make coarser levels. `begins`: whether
+/// the page begins with this run.
 PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& folder, const SiteOptions& site,
-                   bool described, bool coarser) {
+                   bool described, bool coarser, bool begins) {
     SavedRun run = open_saved_run(folder, request.iteration, request.changes);
     const bool has_test_views = !run.scene.test.empty();
     if (site.photographs > 0 && !has_test_views)
@@ -116,7 +148,11 @@ PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& fo
     PackedRun packed{.levels = {},
                      .views = has_test_views ? run.scene.test : shown_views(run.scene),
                      .has_test_views = has_test_views,
-                     .background = run.background};
+                     .background = run.background,
+                     .scene_name = name_of(run),
+                     .start = {},
+                     .preview = {}};
+    if (begins) add_start(packed, run, models[0].gaussians, site.start_view);  // first: it may be refused
     std::optional<PackedPpisp> correction;
     if (all.ppisp.active()) correction = packed_correction(run, packed.views);
     models[0].scores = view_scores(run, models[0].gaussians);
@@ -227,6 +263,32 @@ nlohmann::ordered_json write_photographs(const std::filesystem::path& folder, co
     return paths;
 }
 
+/// Copies the viewer, whose page begins with the run, and writes the picture of its first view.
+void write_page(const std::filesystem::path& folder, const std::filesystem::path& viewer, const PackedRun& run,
+                const SiteOptions& site) {
+    copy_folder(viewer, folder);
+    write_image(folder / site_file::kPreview, run.preview);
+    const PageHead head{.title = site.title.empty() ? run.scene_name : site.title,
+                        .description = fmt::format("A scene in 3D, of {} Gaussians: turn it, or fly through it.",
+                                                   run.levels[0].scene.count()),
+                        .own_title = !site.title.empty(),
+                        .start = run.start,
+                        .preview = site_file::kPreview,
+                        .url = site.url.empty() ? "" : folder_url(site.url)};
+    const std::filesystem::path page = folder / site_file::kPage;
+    write_text_atomic(page, with_head(read_input(page), head));
+}
+
+/// Throws for options that cannot be followed, before any time is spent.
+void require_page(const SiteOptions& site, bool has_viewer) {
+    const bool is_asked = !site.title.empty() || !site.start_view.empty() || !site.url.empty();
+    if (is_asked && !has_viewer)
+        throw DataError(
+            "--title, --start-view and --url are for the page, and the web viewer is not built; scripts/build-viewer "
+            "builds it");
+    if (!site.url.empty()) folder_url(site.url);
+}
+
 /// Returns what the page calls the runs: the names of their folders, or where these are the same the paths.
 std::vector<std::string> run_names(const std::vector<std::filesystem::path>& folders) {
     std::vector<std::string> names;
@@ -258,6 +320,7 @@ std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOp
                  {site_file::kScene, site_file::kSecondScene, site_file::kDescription, site_file::kPhotographs,
                   site_file::kPage, site_file::level(1)},
                  request.overwrite);
+    require_page(site, !viewer.empty());
     std::vector<std::filesystem::path> runs = {request.run};
     if (!site.second_run.empty()) runs.push_back(site.second_run);
     const bool described = runs.size() > 1 || site.photographs > 0 || site.levels;
@@ -267,7 +330,7 @@ std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOp
     std::vector<PackedRun> packed;
     for (std::size_t i = 0; i < runs.size(); ++i) {
         const char* file = i == 0 ? site_file::kScene : site_file::kSecondScene;
-        packed.push_back(pack_run(request, runs[i], site, described, site.levels && i == 0));
+        packed.push_back(pack_run(request, runs[i], site, described, site.levels && i == 0, !viewer.empty() && i == 0));
         if (i > 0) require_same_views(packed[0], packed[i], request, site);
         write_ngsplat(staging.path() / file, packed[i].levels[0].scene);
         description["models"].push_back({{"file", file}, {"name", run_names(runs)[i]}});
@@ -276,7 +339,7 @@ std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOp
     if (site.photographs > 0)
         description["photographs"] = write_photographs(staging.path(), packed[0], site.photographs);
     if (described) write_text_atomic(staging.path() / site_file::kDescription, json_text(description));
-    if (!viewer.empty()) copy_folder(viewer, staging.path());
+    if (!viewer.empty()) write_page(staging.path(), viewer, packed[0], site);
     const std::vector<std::filesystem::path> written = staging.files();
     staging.publish();
     remove_earlier_site(folder, written);

@@ -32,6 +32,9 @@ struct SiteOptions {
     std::filesystem::path second_run = {};  ///< another run of the scene, to compare with; empty: none
     bool levels = false;                    ///< also write coarser levels of the (first) run
     int photographs = 0;                    ///< write the photographs of at most so many test views, evenly spread
+    std::string title = {};                 ///< of the page; empty: the scene's name
+    std::string start_view = {};            ///< what the page begins with (find_start_view); empty: its own choice
+    std::string url = {};                   ///< address of the page's folder, for previews of links; empty: unknown
 };
 
 /// A model as it was written.
@@ -41,12 +44,13 @@ struct ExportedModel {
     std::optional<PackingLoss> loss = {};  ///< what packing for the web costs on the test views, where there are any
 };
 
-/// Writes scene.ngsplat and, where it is built, the web viewer. Measures what packing loses on the test views and tells
-/// it in the log and in the file. A second run becomes scene-2.ngsplat, levels (coarser_levels) become
-/// scene-level-K.ngsplat. site.json names what lies beside scene.ngsplat, where there is anything, with the PSNR of
-/// each level. Throws UsageError where the output is taken, the two runs have other cameras, or there are no test views
-/// whose photographs could be written; what open_saved_run throws; DataError for parameters that are not finite and
-/// where a file cannot be read or written; and what turn (lib/export/turn.h) throws.
+/// Writes scene.ngsplat and, where it is built, the web viewer with a picture for previews of links to it. Measures
+/// what packing loses on the test views and tells it in the log and in the file. A second run becomes scene-2.ngsplat,
+/// levels (coarser_levels) become scene-level-K.ngsplat. site.json names what lies beside scene.ngsplat, where there is
+/// anything, with the PSNR of each level. Throws UsageError where the output is taken, the two runs have other cameras,
+/// or there are no test views whose photographs could be written; what find_start_view and open_saved_run throw;
+/// DataError for parameters that are not finite and where a file cannot be read or written; and what turn
+/// (lib/export/turn.h) throws.
 std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOptions& site = {});
 
 enum class SplatFormat {

@@ -82,6 +82,7 @@ const char* content_type(const fs::path& file) {
         {".txt", "text/plain; charset=utf-8"},
         {".svg", "image/svg+xml"},
         {".png", "image/png"},
+        {".jpg", "image/jpeg"},
     };
     const auto known = types.find(file.extension().string());
     return known == types.end() ? "application/octet-stream" : known->second;  // .ngsplat, .ply, .splat

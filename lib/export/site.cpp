@@ -96,6 +96,7 @@ void remove_earlier_site(const fs::path& folder, const std::vector<fs::path>& wr
         };
         remove(site_file::kDescription);  // first: it names the others
         remove(site_file::kSecondScene);
+        remove(site_file::kPreview);
         for (std::size_t k = 1; fs::exists(folder / site_file::level(k)); ++k) remove(site_file::level(k));
         const fs::path photographs = folder / site_file::kPhotographs;
         if (!fs::is_directory(photographs)) return;

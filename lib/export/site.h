@@ -32,7 +32,7 @@ void require_free(const std::filesystem::path& folder, const std::vector<std::st
 /// The names of a site's own files, beside those of the viewer (docs/formats.md#the-folder-of-a-site).
 namespace site_file {
 inline constexpr const char *kScene = "scene.ngsplat", *kSecondScene = "scene-2.ngsplat", *kDescription = "site.json",
-                            *kPage = "index.html", *kPhotographs = "photographs";
+                            *kPage = "index.html", *kPreview = "preview.jpg", *kPhotographs = "photographs";
 /// Returns the name of the k-th coarser level, counted from 1: scene-level-1.ngsplat.
 std::string level(std::size_t k);
 /// Returns the path of the photograph of a test view, photographs/00007.png.
@@ -40,7 +40,8 @@ std::string photograph(std::size_t index);
 }  // namespace site_file
 
 /// Removes from `folder` what an earlier export left there and the later one did not write: the second scene, the
-/// description, coarser levels, and photographs. `written` are the later one's files, relative to the folder.
+/// description, the preview, coarser levels, and photographs. `written` are the later one's files, relative to the
+/// folder.
 void remove_earlier_site(const std::filesystem::path& folder, const std::vector<std::filesystem::path>& written);
 
 /// Returns the folder of the web viewer among the program's own files, empty if it is not there.

@@ -11,6 +11,7 @@
 #include "lib/core/json_text.h"
 #include "lib/export/ngsplat.h"
 #include "lib/export/site.h"
+#include "lib/io/image.h"
 #include "lib/model/ply.h"
 #include "tests/apps/program.h"
 
@@ -237,6 +238,58 @@ TEST(Export, TurnsWhatIsUp) {
     EXPECT_NEAR(as_is.up[2], 1, 0.05);
     EXPECT_NEAR(up.up[1], -1, 0.05);
     EXPECT_NEAR(psnr(up), psnr(as_is), 0.1) << "the same but for other rounding";
+}
+
+TEST(Export, APageHasATitleAStartViewAndAPictureForLinks) {
+    if (viewer_folder().empty()) GTEST_SKIP() << "the web viewer is not built";
+    const Program program;
+    train_plain(program, "run", "-s builtin:glossy --eval -r 8");
+    const Outcome plain = program.run("export run -o site");
+    ASSERT_EQ(plain.exit_code, 0) << plain.err;
+    const auto has = [&](const std::string& words) {
+        const std::string page = program.read("site/index.html");
+        EXPECT_NE(page.find(words), std::string::npos) << words << " in\n" << page.substr(0, 2500);
+    };
+    has("<title>glossy</title>");
+    has("<meta property=\"og:title\" content=\"glossy\" />");
+    has("<meta property=\"og:image\" content=\"preview.jpg\" />");
+    EXPECT_EQ(program.read("site/index.html").find("gsapp:"), std::string::npos)
+        << "nothing is said of title and start";
+    const ImageInfo preview = read_image_info(program.path("site/preview.jpg"));
+    EXPECT_EQ(std::pair(preview.width, preview.height), std::pair(1200, 630));
+    const std::string before = program.read("site/preview.jpg");
+
+    const Outcome titled = program.run(
+        "export run -o site --overwrite --title 'Bowl & \"plate\"' --start-view 2 --url https://example.org/bowl/");
+    ASSERT_EQ(titled.exit_code, 0) << titled.err;
+    has("<title>Bowl &amp; &quot;plate&quot;</title>");
+    has("<meta name=\"gsapp:title\" content=\"Bowl &amp; &quot;plate&quot;\" />");
+    has("<meta name=\"gsapp:start\" content=\"view=2\" />");
+    has("content=\"https://example.org/bowl/preview.jpg\"");
+    EXPECT_NE(program.read("site/preview.jpg"), before) << "the picture shows what the page begins with";
+
+    const auto starts = [&](const std::string& view) {
+        const Outcome outcome = program.run("export run -o site --overwrite --start-view '" + view + "'");
+        EXPECT_EQ(outcome.exit_code, 0) << view << "\n" << outcome.err;
+        const std::string page = program.read("site/index.html"), sign = "\"gsapp:start\" content=\"";
+        const std::size_t begin = page.find(sign) + sign.size();
+        return page.substr(begin, page.find('"', begin) - begin);
+    };
+    EXPECT_EQ(starts("view=3&mode=depth"), "view=3&amp;mode=depth") << "as the page's own links";
+    EXPECT_EQ(starts("#from=0,0,3&to=0,0,0&fov=50"), "from=0,0,3&amp;to=0,0,0&amp;fov=50");
+    const nlohmann::json cameras = parse_json(program.read("run/cameras.json"));
+    const std::string test = cameras.at(0).at("img_name"), trained = cameras.back().at("img_name");
+    EXPECT_EQ(starts(test), "view=1");
+    EXPECT_EQ(starts(trained).rfind("from=", 0), 0u) << "photographs of the training are not in the page's list";
+    for (const std::string view : {"nothing", "99999", "from=1,2&to=0,0,0", "a=<b>"}) {
+        const Outcome outcome = program.run("export run -o other --start-view '" + view + "'");
+        EXPECT_EQ(outcome.exit_code, 2) << view << "\n" << outcome.err;
+        EXPECT_NE(outcome.err.find("--start-view " + view), std::string::npos) << outcome.err;
+        EXPECT_FALSE(fs::exists(program.path("other"))) << view;
+    }
+    for (const std::string option :
+         {"--title ' '", "--url example.org", "--url 'https://a/?b'", "--title x --format ply"})
+        EXPECT_EQ(program.run("export run -o other " + option).exit_code, 2) << option;
 }
 
 TEST(Export, WhatCannotBeExportedLeavesNothing) {

@@ -222,6 +222,28 @@ def check_first_view(browser, site):
     check(majority() == "111", f"the axis that a file names is up: {majority()}")
 
 
+def check_own_page(browser, site):
+    """What gsapp export writes into the page: a title, and how it begins."""
+    browser.call("Network.setCacheDisabled", cacheDisabled=True)  # the page changes within a second
+    page = site.folder / "index.html"
+    as_it_was = page.read_text()
+    for start, link, view in (("view=2", "", "Test view 2"), ("from=0,1,-5&amp;to=0,0,0&amp;fov=40&amp;mode=base", "#mode=base", "Free")):
+        page.write_text(as_it_was.replace("</title>", f'</title><meta name="gsapp:title" content="My &amp; ball" /><meta name="gsapp:start" content="{start}" />'))
+        fresh(browser, site.url)
+        name = "document.getElementById('name').textContent"
+        check((browser.evaluate("document.title"), browser.evaluate(name)) == ("My & ball", "My & ball"), "the page has its title")
+        check(((at := fragment(browser)), shown(browser)) == (link, view), f"it begins with its view: {at}, {shown(browser)}")
+        click(browser, "previous" if view == "Test view 2" else "next")
+        check("#view=1" in fragment(browser), f"from which another view differs: {browser.evaluate('location.hash')}")
+        click(browser, "reset")
+        check(((at := fragment(browser)), shown(browser)) == (link, view), f"and which is the first one: {at}, {shown(browser)}")
+        drop(browser, "mine.ngsplat", scene_file(10))
+        wait_for(browser, f"{name} === 'mine.ngsplat'", "another file has its own name")
+        check(shown(browser) == "Test view 1", "and its own first view")
+    page.write_text(as_it_was)
+    browser.call("Network.setCacheDisabled", cacheDisabled=False)
+
+
 def check_keys(browser, site):
     fresh(browser, site.url)
     check(browser.evaluate("[...document.querySelectorAll('h1')].filter(h => h.checkVisibility()).length") == 1, "the page has one h1")
@@ -436,10 +458,11 @@ def check_help_on_phone(browser, site):
     browser.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
     fresh(browser, site.url)
     click(browser, "open-help")
-    narrow = browser.evaluate("[...document.querySelectorAll('#help :is(p, dt, dd)')].filter(e => e.clientWidth < 250).map(e => e.textContent)")
+    narrow = browser.evaluate("[...document.querySelectorAll('#help :is(p, dd)')].filter(e => e.clientWidth < 180).map(e => e.textContent)")
     check(narrow == [], f"narrower than they are long: {narrow}")
     check(browser.evaluate("(({ left, right }) => left >= 0 && right <= 390)(document.getElementById('help').getBoundingClientRect())"), "it is within the screen")
     check(browser.evaluate("(h => h.scrollWidth <= h.clientWidth)(document.getElementById('help'))"), "and needs no scrolling aside")
+    check(browser.evaluate("document.getElementById('help').scrollTop") == 0, "it begins at its beginning")
     browser.call("Emulation.clearDeviceMetricsOverride")
 
 
@@ -618,6 +641,7 @@ def main():
             check_frame(browser, site)
             check_first_view(browser, site)
             check_visitor(browser, site)
+            check_own_page(browser, site)
             check_keys(browser, site)
             check_every_key(browser, site, downloads)
             check_drag(browser, site)
