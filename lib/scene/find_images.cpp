@@ -181,7 +181,9 @@ FoundImages find_images(const fs::path& folder, const std::vector<std::string>& 
             image.name = prefix + files.names()[match->index];
             image.file = folder / image.name;
             matches[i] = *match;
-            if (*part) matches[i].same_place = false;
+            bool ignored = false;
+            const auto whole = NameIndex({image.name}).find(names[i], ignored);  // with the folder "images"
+            matches[i].same_place = whole && whole->same_place;
             claims[image.name].insert(names[i]);
         }
     }
@@ -200,15 +202,16 @@ FoundImages find_images(const fs::path& folder, const std::vector<std::string>& 
         if (!match.encoding.empty() && encoded.count == 1) encoded.first += " in " + match.encoding;
     }
     if (elsewhere.count > 0)
-        out.notes.push_back(fmt::format("{} images lie in another place than their names say and were found by the end "
-                                        "of the name (first: {})",
-                                        elsewhere.count, elsewhere.first));
+        out.notes.push_back(
+            fmt::format("{} images lie in another place than their names say and were found by the end "
+                        "of the name (first: {})",
+                        elsewhere.count, elsewhere.first));
     if (encoded.count > 0)
-        out.notes.push_back(fmt::format(
-            "{} image names are in another encoding than those of their files (first: {})", encoded.count, encoded.first));
+        out.notes.push_back(fmt::format("{} image names are in another encoding than those of their files (first: {})",
+                                        encoded.count, encoded.first));
     if (spelled.count > 0)
-        out.facts.push_back(
-            fmt::format("{} image names are spelled differently from their files (first: {})", spelled.count, spelled.first));
+        out.facts.push_back(fmt::format("{} image names are spelled differently from their files (first: {})",
+                                        spelled.count, spelled.first));
     return out;
 }
 

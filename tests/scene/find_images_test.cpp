@@ -45,13 +45,20 @@ TEST(FindImages, TakesOtherExtensionsAndUpperAndLowerCase) {
 }
 
 TEST(FindImages, ComposedAndDecomposedLettersAreTheSame) {
-    const std::string composed = "K\xC3\xBC" "che.jpg", decomposed = "Ku\xCC\x88" "che.jpg";
+    const std::string composed =
+                          "K\xC3\xBC"
+                          "che.jpg",
+                      decomposed =
+                          "Ku\xCC\x88"
+                          "che.jpg";
     for (const auto& [disk, model] : {std::pair(composed, decomposed), std::pair(decomposed, composed)}) {
         TempFolder folder;
         touch(folder, {disk});
         EXPECT_EQ(found(folder, {model}), Names{disk});
     }
-    const std::string latin = "K\xFC" "che.jpg";
+    const std::string latin =
+        "K\xFC"
+        "che.jpg";
     TempFolder folder;
     touch(folder, {latin});
     EXPECT_EQ(found(folder, {latin}), Names{latin}) << "bytes that are no UTF-8 are themselves";
@@ -80,7 +87,8 @@ TEST(FindImages, EndsOfNamesTellWhereFilesLie) {
     touch(folder, {"001.jpg", "left/002.jpg", "right/002.jpg", "left/003.jpg"});
     EXPECT_EQ(found(folder, {"/home/x/scene/images/001.jpg"}), Names{"001.jpg"});
     EXPECT_EQ(found(folder, {"C:\\data\\img\\001.jpg"}), Names{"001.jpg"});
-    EXPECT_EQ(found(folder, {"images/left/002.jpg", "D:/other/right/002.JPG"}), (Names{"left/002.jpg", "right/002.jpg"}));
+    EXPECT_EQ(found(folder, {"images/left/002.jpg", "D:/other/right/002.JPG"}),
+              (Names{"left/002.jpg", "right/002.jpg"}));
     EXPECT_EQ(found(folder, {"003.jpg"}), Names{"left/003.jpg"});
     EXPECT_EQ(found(folder, {"002.jpg"}), Names{"?"}) << "two files end so";
     EXPECT_EQ(found(folder, {"right/003.jpg"}), Names{"-"}) << "another folder than the one that is named";
@@ -97,11 +105,21 @@ TEST(FindImages, TheFolderOfImagesComesBeforeOthers) {
     EXPECT_EQ(found(folder, {"a.png", "/home/x/b.png"}, OutsideNames::kTaken), (Names{"images/a.png", "depth/b.png"}));
 }
 
+TEST(FindImages, AnotherSpellingIsNoOtherPlace) {
+    TempFolder folder;
+    touch(folder, {"images/A.png"});
+    const FoundImages images = find_images(folder.path(), {"images/a.png"}, OutsideNames::kTaken);
+    EXPECT_TRUE(images.notes.empty());
+    EXPECT_TRUE(mentions(images.facts, "(first: 'images/a.png' is images/A.png)"));
+}
+
 TEST(FindImages, AbsoluteNamesOfThisMachineAreTakenWhereNamesMayLeaveTheFolder) {
     TempFolder folder;
     touch(folder, {"elsewhere/a.jpg", "scene/images/a.jpg"});
     const std::string name = (folder / "elsewhere/a.jpg").string();
-    const auto file = [&](OutsideNames outside) { return *find_images(folder / "scene", {name}, outside).images[0].file; };
+    const auto file = [&](OutsideNames outside) {
+        return *find_images(folder / "scene", {name}, outside).images[0].file;
+    };
     EXPECT_EQ(file(OutsideNames::kTaken), fs::path(name));
     EXPECT_EQ(file(OutsideNames::kForeign), folder / "scene/images/a.jpg");
 }
