@@ -165,7 +165,7 @@ void add_export_command(CLI::App& app, Command& selected) {
     command
         ->add_option("--start-view", arguments->start_view,
                      "With web: what the page begins with: the name of a photograph, the number of a view in the "
-                     "page's list, or what follows the # of a link that the page copied (default: the first view)")
+                     "page's list, or a link that the page copied (default: the first view)")
         ->check(not_blank)
         ->type_name("VIEW");
     command

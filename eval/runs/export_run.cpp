@@ -121,7 +121,8 @@ void add_start(PackedRun& packed, SavedRun& run, const Gaussians& model, const s
     const NamedViews views{packed.views, run.scene, find_up(cameras).value_or(-Eigen::Vector3d::UnitY()),
                            median_center(model)};
     OrbitShape shape{.up = views.up};
-    const StartView start = find_start_view(start_view, views, usual_view(model, shape, run.scene.frame));
+    const View first = packed.views.empty() ? usual_view(model, shape, run.scene.frame) : packed.views.front();
+    const StartView start = find_start_view(start_view, views, first);
     packed.start = start.fragment;
     const Camera camera = preview_camera(start.view.camera, kPreviewWidth, kPreviewHeight);
     RenderedImage image;

@@ -85,7 +85,8 @@ View usual_view(const Gaussians& model, OrbitShape& shape, const Frame& frame) {
     std::vector<double> distances;
     for (std::int64_t i = 0; i < model.count; ++i)
         distances.push_back((Eigen::Vector3f(model[Group::kMean].param.data() + 3 * i).cast<double>() - center).norm());
-    const double distance = std::max(kDistance * median(std::move(distances)), 1e-3);
+    const double spread = distances.empty() ? 0 : median(std::move(distances));
+    const double distance = std::max(kDistance * spread, 1e-3);
     const Vector3d side = front_of(*shape.up);
     View view;
     view.camera.width = kWidth, view.camera.height = kHeight;

@@ -81,9 +81,10 @@ const View* find_photograph(const std::string& wanted, const Scene& scene) {
         }
     }
     if (ambiguous)
-        throw UsageError(fmt::format("--start-view {}: several photographs are called so, one of them '{}'; give the "
-                                     "whole name",
-                                     wanted, best->name));
+        throw UsageError(
+            fmt::format("--start-view {}: several photographs are called so, one of them '{}'; give the "
+                        "whole name",
+                        wanted, best->name));
     return best;
 }
 
@@ -127,10 +128,11 @@ std::string fragment_of(const Camera& camera, const Vector3d& center) {
     std::string called = "there are no photographs";
     for (const auto* some : {&views.scene.train, &views.scene.test})
         if (!some->empty()) called = fmt::format("they are called like '{}'", some->front().name);
-    throw UsageError(fmt::format("--start-view {}: no photograph of the scene is called so ({}); a number counts the "
-                                 "views of the page's list, of which there are {}, and what follows the # of a link "
-                                 "that the page copied is a view as well",
-                                 text, called, views.shown.size()));
+    throw UsageError(
+        fmt::format("--start-view {}: no photograph of the scene is called so ({}); a number counts the "
+                    "views of the page's list, of which there are {}, and a link that the page copied is a "
+                    "view as well",
+                    text, called, views.shown.size()));
 }
 
 /// Returns what a fragment shows. Throws UsageError where it shows nothing; `text` is what the user wrote.
@@ -150,10 +152,9 @@ Camera camera_of(const std::string& fragment, const std::string& text, const Nam
 
 }  // namespace
 
-StartView find_start_view(const std::string& text, const NamedViews& views, const View& usual) {
-    StartView start{"", views.shown.empty() ? usual : views.shown.front()};
-    const Camera first = upright(start.view.camera, views.up);
-    start.view.camera = first;
+StartView find_start_view(const std::string& text, const NamedViews& views, const View& first) {
+    StartView start{"", first};
+    const Camera usual = start.view.camera = upright(first.camera, views.up);
     if (text.empty()) return start;
     if (const View* photograph = find_photograph(text, views.scene)) {
         const auto shown = std::find_if(views.shown.begin(), views.shown.end(),
@@ -164,7 +165,8 @@ StartView find_start_view(const std::string& text, const NamedViews& views, cons
                                                     : fmt::format("view={}", shown - views.shown.begin() + 1);
         return start;
     }
-    static const std::regex number("[0-9]{1,9}"), fragment("#?([a-z]+=[A-Za-z0-9,.+-]+(&[a-z]+=[A-Za-z0-9,.+-]+)*)");
+    static const std::regex number("[0-9]{1,9}"),
+        fragment("(?:.*#)?([a-z]+=[A-Za-z0-9,.+-]+(&[a-z]+=[A-Za-z0-9,.+-]+)*)");
     std::smatch parts;
     if (std::regex_match(text, number))
         start.fragment = "view=" + text;
@@ -172,7 +174,7 @@ StartView find_start_view(const std::string& text, const NamedViews& views, cons
         start.fragment = parts[1];
     else
         refuse(text, views);
-    start.view.camera = camera_of(start.fragment, text, views, first);
+    start.view.camera = camera_of(start.fragment, text, views, usual);
     return start;
 }
 
@@ -190,9 +192,10 @@ std::string folder_url(const std::string& url) {
     static const std::regex known("(https?://[^\\s?#\"<>]+?)/*(/index\\.html)?/*", std::regex::icase);
     std::smatch parts;
     if (!std::regex_match(url, parts, known))
-        throw UsageError(fmt::format("--url {}: it is the address of the page's folder, such as "
-                                     "https://example.org/garden",
-                                     url));
+        throw UsageError(
+            fmt::format("--url {}: it is the address of the page's folder, such as "
+                        "https://example.org/garden",
+                        url));
     return parts[1];
 }
 

@@ -26,9 +26,9 @@ struct NamedViews {
 };
 
 /// Finds the view that `text` names: the name of a photograph, with or without folder and extension; the number of a
-/// view in the page's list, counted from 1; or the part behind the # of a link that the page copied. Empty is the first
-/// view of the list, or `usual` where that is empty. Throws UsageError for anything else.
-StartView find_start_view(const std::string& text, const NamedViews& views, const View& usual);
+/// view in the page's list, counted from 1; or a link that the page copied, of which the part behind the # counts.
+/// Empty is `first`. Throws UsageError for anything else.
+StartView find_start_view(const std::string& text, const NamedViews& views, const View& first);
 
 /// Returns a camera for a picture of this size: its middle shows what the middle of `camera` does, and all of the
 /// picture is within what that sees.

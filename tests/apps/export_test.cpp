@@ -276,7 +276,8 @@ TEST(Export, APageHasATitleAStartViewAndAPictureForLinks) {
         return page.substr(begin, page.find('"', begin) - begin);
     };
     EXPECT_EQ(starts("view=3&mode=depth"), "view=3&amp;mode=depth") << "as the page's own links";
-    EXPECT_EQ(starts("#from=0,0,3&to=0,0,0&fov=50"), "from=0,0,3&amp;to=0,0,0&amp;fov=50");
+    EXPECT_EQ(starts("http://127.0.0.1:8000/?model=a.ngsplat#from=0,0,3&to=0,0,0&fov=50"),
+              "from=0,0,3&amp;to=0,0,0&amp;fov=50");
     const nlohmann::json cameras = parse_json(program.read("run/cameras.json"));
     const std::string test = cameras.at(0).at("img_name"), trained = cameras.back().at("img_name");
     EXPECT_EQ(starts(test), "view=1");

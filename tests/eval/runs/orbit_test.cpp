@@ -92,6 +92,8 @@ TEST(Orbit, GoesAroundAModelWithoutCameras) {
         expect_looks_at(camera, {0, 0, 1}, 1e-6);
         EXPECT_NEAR(camera.center().z(), 1, 1e-9) << "level";
     }
+    OrbitShape around_nothing;
+    EXPECT_TRUE(usual_view({}, around_nothing, {}).camera.translation.allFinite()) << "nothing has a view, too";
     // "Up" can be chosen where there are cameras, too.
     const Camera turned = orbit_path(ring(), {.count = 1, .elevation = 90 - 1e-3, .up = -Vector3d::UnitX()}, {})[0];
     EXPECT_LT(turned.center().x(), -1);
