@@ -69,7 +69,7 @@ TEST(ForeignOptions, CommandLinesOfOtherProgramsTrain) {
           "mcmc --eval_steps -1 --disable_viewer --data_factor 8 --strategy.cap-max 1000 --render_traj_path ellipse "
           "--data_dir builtin:diffuse --result_dir mcmc --max_steps 2",
           "default --data_dir builtin:diffuse --data_factor 8 --result_dir default --max_steps 2"}) {
-        const Outcome outcome = program.run(std::string("train --device cpu ") + line);
+        const Outcome outcome = program.run(std::string("train ") + line + " --device cpu");
         EXPECT_EQ(outcome.exit_code, 0) << line << "\n" << outcome.err;
     }
     for (const char* run : {"inria", "gsplat", "nerfstudio", "mcmc", "default"})
