@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes PLY headers; reads PLY headers and packed rows.
+// Writes PLY headers; reads PLY headers and rows in all three formats.
 #include "lib/io/ply_file.h"
 
 #include <fmt/format.h>
@@ -8,9 +8,14 @@
 #include <array>
 #include <bit>
 #include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <ostream>
 #include <sstream>
+#include <string_view>
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
@@ -18,7 +23,7 @@
 namespace gs {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "rows are written as they lie in memory");
+static_assert(std::endian::native == std::endian::little, "little-endian rows are read and written as in memory");
 
 struct TypeName {
     const char* name;
@@ -40,10 +45,66 @@ constexpr std::size_t kMaxLine = 4096, kMaxProperties = 4096, kMaxLines = 16384;
 
 constexpr std::int64_t kChunkBytes = 1 << 22;
 
-template <class T> double load(const char* p) {
+/// The upper limit of one row of a text file, characters: enough for kMaxProperties numbers of 250.
+constexpr std::size_t kMaxTextRow = std::size_t(1) << 20;
+
+constexpr std::string_view kBlanks = " \t\r\v\f";
+
+int bytes_of(PlyType type) { return kTypes[std::size_t(type)].bytes; }
+
+std::optional<PlyType> type_named(const std::string& word) {
+    const auto it = std::find_if(kTypes.begin(), kTypes.end(),
+                                 [&](const TypeName& t) { return word == t.name || word == t.alias; });
+    if (it == kTypes.end()) return {};
+    return PlyType(it - kTypes.begin());
+}
+
+template <class T> double load_as(const char* p) {
     T v;
     std::memcpy(&v, p, sizeof v);
     return double(v);
+}
+
+double load(const char* p, PlyType type) {
+    switch (type) {
+        case PlyType::kInt8:
+            return load_as<std::int8_t>(p);
+        case PlyType::kUint8:
+            return load_as<std::uint8_t>(p);
+        case PlyType::kInt16:
+            return load_as<std::int16_t>(p);
+        case PlyType::kUint16:
+            return load_as<std::uint16_t>(p);
+        case PlyType::kInt32:
+            return load_as<std::int32_t>(p);
+        case PlyType::kUint32:
+            return load_as<std::uint32_t>(p);
+        case PlyType::kFloat:
+            return load_as<float>(p);
+        case PlyType::kDouble:
+            return load_as<double>(p);
+    }
+    return 0;
+}
+
+/// Reads a number independently of the locale; returns nothing for what is none. "1.#QNAN" and "1.#INF" of older
+/// Windows programs are not finite.
+std::optional<double> parse_number(std::string_view text) {
+    if (text.find('#') != std::string_view::npos) return std::numeric_limits<double>::quiet_NaN();
+    if (text.starts_with('+')) text.remove_prefix(1);
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (end != text.data() + text.size() || error == std::errc::invalid_argument) return {};
+    if (error == std::errc::result_out_of_range) return std::strtod(std::string(text).c_str(), nullptr);
+    return value;
+}
+
+/// Takes the first word off `text`; an empty one at the end.
+std::string_view take_word(std::string_view& text) {
+    text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
+    const std::string_view word = text.substr(0, text.find_first_of(kBlanks));
+    text.remove_prefix(word.size());
+    return word;
 }
 
 }  // namespace
@@ -61,44 +122,48 @@ void write_ply_header(std::ostream& out, const PlyHeader& header) {
 PlyReader::PlyReader(const std::filesystem::path& path) : path_(path) {
     if (const std::string fault = input_fault(path); !fault.empty()) fail(fault);
     std::error_code error;
-    const std::int64_t file_bytes = std::int64_t(std::filesystem::file_size(path, error));
+    file_bytes_ = std::int64_t(std::filesystem::file_size(path, error));
     if (error) fail(error.message());
     in_.open(path, std::ios::binary);
     if (!in_) fail(std::strerror(errno));
     parse_header();
+    for (const Element& element : before_) skip(element);
+    check_fits(vertices_);
+    const bool has_list = std::any_of(vertices_.properties.begin(), vertices_.properties.end(),
+                                      [](const Property& p) { return p.count_type.has_value(); });
+    packed_ = format_ != Format::kText && !has_list;
     for (const PlyProperty& p : header_.properties) {
         offsets_.push_back(row_bytes_);
-        row_bytes_ += kTypes[std::size_t(p.type)].bytes;
+        row_bytes_ += packed_ ? bytes_of(p.type) : int(sizeof(double));
     }
-    const std::int64_t available = file_bytes - std::int64_t(in_.tellg());
-    if (row_bytes_ > 0 && header_.count > available / row_bytes_) {
-        fail(fmt::format("'element vertex {}' needs {} bytes each, but only {} bytes follow the header: truncated file",
-                         header_.count, row_bytes_, available));
+    const std::int64_t behind = remaining() - header_.count * least_row_bytes(vertices_);
+    const bool text = format_ == Format::kText;
+    const std::int64_t each = text ? 2 : std::int64_t(sizeof(float));
+    if (header_.num_shared > (behind + text) / each)
+        fail(fmt::format(
+            "'element shared {}' needs {} bytes each, but only {} bytes follow the vertices: truncated file",
+            header_.num_shared, each, behind));
+}
+
+std::string PlyReader::header_line() {
+    std::string line;
+    for (char c; in_.get(c) && c != '\n';) {
+        if (line.size() >= kMaxLine) fail("a header line is too long: not a PLY file");
+        line += c;
     }
-    const std::int64_t behind = available - header_.count * row_bytes_;
-    if (header_.num_shared > behind / std::int64_t(sizeof(float)))
-        fail(
-            fmt::format("'element shared {}' needs 4 bytes each, but only {} bytes follow the vertices: truncated file",
-                        header_.num_shared, behind));
+    if (!in_) fail("the header has no 'end_header': truncated, or not a PLY file");
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    return line;
 }
 
 void PlyReader::parse_header() {
-    std::string line;
-    const auto next_line = [&] {
-        line.clear();
-        for (char c; in_.get(c) && c != '\n';) {
-            if (line.size() >= kMaxLine) fail("a header line is too long: not a PLY file");
-            line += c;
-        }
-        if (!in_) fail("the header has no 'end_header': truncated, or not a PLY file");
-        if (!line.empty() && line.back() == '\r') line.pop_back();
-    };
-    next_line();
-    if (line != "ply") fail("the first line is not 'ply'");
-    bool have_format = false, in_vertex = false, have_vertex = false, in_shared = false, more = false;
+    if (header_line() != "ply") fail("the first line is not 'ply'");
+    bool have_format = false, have_vertex = false;
+    Element* element = nullptr;  // whose properties are read; none for those that are never read
+    bool in_shared = false, more = false;
     for (std::size_t lines = 0;; ++lines) {
         if (lines > kMaxLines) fail("the header has too many lines");
-        next_line();
+        const std::string line = header_line();
         std::istringstream words(line);
         std::string word;
         words >> word;
@@ -108,42 +173,153 @@ void PlyReader::parse_header() {
         } else if (word == "format") {
             std::string format;
             words >> format;
-            if (format != "binary_little_endian")
-                fail(fmt::format("format '{}' is not supported; convert it to binary_little_endian", format));
+            if (format == "ascii")
+                format_ = Format::kText;
+            else if (format == "binary_little_endian")
+                format_ = Format::kLittleEndian;
+            else if (format == "binary_big_endian")
+                format_ = Format::kBigEndian;
+            else
+                fail(
+                    fmt::format("format '{}' is not one of ascii, binary_little_endian and binary_big_endian", format));
             have_format = true;
         } else if (word == "element") {
-            std::string name;
-            in_vertex = bool(words >> name) && name == "vertex" && !have_vertex;
-            in_shared = have_vertex && !more && name == "shared";
+            Element found;
+            words >> found.name;
+            in_shared = have_vertex && !more && found.name == "shared";
             more = more || have_vertex;
+            element = nullptr;
+            if (have_vertex && !in_shared) continue;
+            if (!(words >> found.count) || found.count < 0 || words >> word)
+                fail(fmt::format("bad {} count in '{}'", found.name, line));
             if (in_shared) {
-                if (!(words >> header_.num_shared) || header_.num_shared < 0 || words >> word)
-                    fail(fmt::format("bad count in '{}'", line));
-            } else if (in_vertex) {
-                if (!(words >> header_.count) || header_.count < 0 || words >> word)
-                    fail(fmt::format("bad vertex count in '{}'", line));
+                header_.num_shared = found.count;
+            } else if (found.name == "vertex") {
                 have_vertex = true;
-            } else if (!have_vertex) {
-                fail(fmt::format("element '{}' stands before the vertices", name));
+                header_.count = found.count;
+                vertices_ = std::move(found);
+                element = &vertices_;
+            } else {
+                element = &before_.emplace_back(std::move(found));
             }
-        } else if (word == "property" && in_vertex) {
-            std::string type, name;
-            words >> type >> name;
-            const auto it = std::find_if(kTypes.begin(), kTypes.end(),
-                                         [&](const TypeName& t) { return type == t.name || type == t.alias; });
-            if (it == kTypes.end() || name.empty()) fail(fmt::format("cannot use vertex property '{}'", line));
-            if (find(name) >= 0) fail(fmt::format("vertex property '{}' appears twice", name));
-            if (header_.properties.size() >= kMaxProperties) fail("too many vertex properties");
-            header_.properties.push_back({name, PlyType(it - kTypes.begin())});
         } else if (word == "property" && in_shared) {
             if (line != "property float value")
                 fail(fmt::format("element shared: expected 'property float value', found '{}'", line));
-        } else if (word != "property" && word != "obj_info") {
+        } else if (word == "property" && element) {
+            parse_property(line, *element);
+        } else if (word != "property" && word != "obj_info" && !word.empty()) {
             fail(fmt::format("unknown header line '{}'", line));
         }
     }
     if (!have_format) fail("the header has no 'format' line");
     if (!have_vertex || header_.properties.empty()) fail("the header has no vertices");
+}
+
+void PlyReader::parse_property(const std::string& line, Element& element) {
+    std::istringstream words(line);
+    std::string word, type, count_type, name;
+    words >> word >> type;
+    const bool is_list = type == "list";
+    if (is_list) words >> count_type >> type;
+    words >> name;
+    Property property{type_named(type), {}};
+    if (is_list) property.count_type = type_named(count_type);
+    if (name.empty() || !property.type || (is_list && !property.count_type))
+        fail(fmt::format("cannot use {} property '{}'", element.name, line));
+    if (element.properties.size() >= kMaxProperties) fail(fmt::format("too many {} properties", element.name));
+    if (&element == &vertices_ && !is_list) {
+        if (find(name) >= 0) fail(fmt::format("vertex property '{}' appears twice", name));
+        header_.properties.push_back({name, *property.type});
+    }
+    element.properties.push_back(property);
+}
+
+std::int64_t PlyReader::least_row_bytes(const Element& element) const {
+    std::int64_t bytes = 0;
+    for (const Property& p : element.properties)
+        // In text every number has a digit and a separator, in an empty list the length.
+        bytes += format_ == Format::kText ? 2 : bytes_of(p.count_type.value_or(*p.type));
+    return bytes;
+}
+
+std::int64_t PlyReader::remaining() { return file_bytes_ - std::int64_t(in_.tellg()); }
+
+void PlyReader::check_fits(const Element& element) {
+    const std::int64_t each = least_row_bytes(element), bytes = remaining();
+    // A text file may end without the last separator.
+    if (each > 0 && element.count > (bytes + (format_ == Format::kText)) / each)
+        fail(fmt::format("'element {} {}' needs {} bytes each, but only {} bytes are left: truncated file",
+                         element.name, element.count, each, bytes));
+}
+
+void PlyReader::skip(const Element& element) {
+    check_fits(element);
+    if (element.properties.empty()) return;
+    for (std::int64_t row = 0; row < element.count; ++row)
+        if (!(format_ == Format::kText ? next_text_row() : read_row(element, nullptr)))
+            fail(fmt::format("it ends within the element {}: truncated file", element.name));
+}
+
+bool PlyReader::next_text_row() {
+    row_buffer_.resize(kMaxTextRow);
+    do {
+        in_.getline(row_buffer_.data(), std::streamsize(row_buffer_.size()));
+        if (in_.gcount() + 1 == std::streamsize(row_buffer_.size()))
+            fail(fmt::format("a row is longer than {} characters", kMaxTextRow));
+        if (in_.fail()) return false;
+        text_row_ = row_buffer_.data();
+    } while (text_row_.find_first_not_of(kBlanks) == std::string_view::npos);
+    return true;
+}
+
+bool PlyReader::read_number(PlyType type, double& value) {
+    char bytes[8];
+    if (!in_.read(bytes, bytes_of(type))) return false;
+    if (format_ == Format::kBigEndian) std::reverse(bytes, bytes + bytes_of(type));
+    value = load(bytes, type);
+    return true;
+}
+
+bool PlyReader::read_row(const Element& element, double* values) {
+    for (const Property& property : element.properties) {
+        double value = 0;
+        if (!read_number(property.count_type.value_or(*property.type), value)) return false;
+        if (!property.count_type) {
+            if (values) *values++ = value;
+            continue;
+        }
+        if (!(value >= 0 && value <= double(file_bytes_)))
+            fail(fmt::format("element {}: a list has the length {}", element.name, value));
+        const std::int64_t bytes = std::int64_t(value) * bytes_of(*property.type);
+        in_.ignore(bytes);
+        if (in_.gcount() != bytes) return false;
+    }
+    return true;
+}
+
+bool PlyReader::read_text_row(std::int64_t row, double* values) {
+    if (!next_text_row()) return false;
+    std::string_view rest = text_row_;
+    const auto next = [&] {
+        const std::string_view word = take_word(rest);
+        if (word.empty())
+            fail(fmt::format("vertex {} has fewer numbers than the header says: '{}'", row, text_row_.substr(0, 80)));
+        const std::optional<double> value = parse_number(word);
+        if (!value) fail(fmt::format("vertex {}: '{}' is not a number", row, word.substr(0, 40)));
+        return *value;
+    };
+    for (const Property& property : vertices_.properties) {
+        const double value = next();
+        if (!property.count_type) {
+            *values++ = value;
+            continue;
+        }
+        if (!(value >= 0)) fail(fmt::format("vertex {}: a list has the length {}", row, value));
+        for (double i = 0; i < value; ++i) next();
+    }
+    if (!take_word(rest).empty())
+        fail(fmt::format("vertex {} has more numbers than the header says: '{}'", row, text_row_.substr(0, 80)));
+    return true;
 }
 
 int PlyReader::find(const std::string& name) const {
@@ -161,41 +337,55 @@ int PlyReader::require(const std::string& name) const {
 
 std::int64_t PlyReader::next_chunk() {
     const std::int64_t rows = std::min(header_.count - rows_read_, std::max<std::int64_t>(1, kChunkBytes / row_bytes_));
-    chunk_.resize(std::size_t(rows * row_bytes_));
-    in_.read(chunk_.data(), std::streamsize(chunk_.size()));
-    if (!in_) fail(fmt::format("read error after {} of {} vertices", rows_read_, header_.count));
+    const auto cut_off = [&](std::int64_t row) {
+        fail(fmt::format("read error after {} of {} vertices", rows_read_ + row, header_.count));
+    };
+    if (packed_) {
+        chunk_.resize(std::size_t(rows * row_bytes_));
+        if (!in_.read(chunk_.data(), std::streamsize(chunk_.size()))) cut_off(0);
+        if (format_ == Format::kBigEndian) swap_bytes(rows);
+    } else {
+        values_.resize(std::size_t(rows) * header_.properties.size());
+        for (std::int64_t r = 0; r < rows; ++r) {
+            double* row = values_.data() + std::size_t(r) * header_.properties.size();
+            if (!(format_ == Format::kText ? read_text_row(rows_read_ + r, row) : read_row(vertices_, row))) cut_off(r);
+        }
+    }
     rows_read_ += rows;
     return rows;
 }
 
+void PlyReader::swap_bytes(std::int64_t rows) {
+    for (std::int64_t r = 0; r < rows; ++r)
+        for (std::size_t k = 0; k < offsets_.size(); ++k) {
+            char* first = chunk_.data() + r * row_bytes_ + offsets_[k];
+            std::reverse(first, first + bytes_of(header_.properties[k].type));
+        }
+}
+
 std::vector<float> PlyReader::read_shared() {
-    std::vector<float> values(std::size_t(header_.num_shared));
-    in_.read(reinterpret_cast<char*>(values.data()), std::streamsize(values.size() * sizeof(float)));
-    if (!in_) fail("read error in the element shared");
+    std::vector<float> values;
+    values.reserve(std::size_t(header_.num_shared));
+    while (std::int64_t(values.size()) < header_.num_shared) {
+        double value = 0;
+        if (format_ == Format::kText) {
+            std::string_view row;
+            if (next_text_row()) row = text_row_;
+            const std::optional<double> number = parse_number(take_word(row));
+            if (!number) fail("read error in the element shared");
+            value = *number;
+        } else if (!read_number(PlyType::kFloat, value)) {
+            fail("read error in the element shared");
+        }
+        values.push_back(float(value));
+    }
     return values;
 }
 
 double PlyReader::value(std::int64_t row, int property) const {
-    const char* p = chunk_.data() + row * row_bytes_ + offsets_[std::size_t(property)];
-    switch (header_.properties[std::size_t(property)].type) {
-        case PlyType::kInt8:
-            return load<std::int8_t>(p);
-        case PlyType::kUint8:
-            return load<std::uint8_t>(p);
-        case PlyType::kInt16:
-            return load<std::int16_t>(p);
-        case PlyType::kUint16:
-            return load<std::uint16_t>(p);
-        case PlyType::kInt32:
-            return load<std::int32_t>(p);
-        case PlyType::kUint32:
-            return load<std::uint32_t>(p);
-        case PlyType::kFloat:
-            return load<float>(p);
-        case PlyType::kDouble:
-            return load<double>(p);
-    }
-    return 0;
+    const std::size_t k = std::size_t(property);
+    if (!packed_) return values_[std::size_t(row) * header_.properties.size() + k];
+    return load(chunk_.data() + row * row_bytes_ + offsets_[k], header_.properties[k].type);
 }
 
 void PlyReader::fail(const std::string& reason) const {

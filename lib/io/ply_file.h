@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads and writes the PLY container that Gaussian-splatting and point-cloud files use: binary little endian, with the
-// element `vertex` first.
+// Reads the vertices of PLY files in any of the three formats, and writes the header of binary little-endian ones.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <iosfwd>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace gs {
@@ -27,13 +28,16 @@ struct PlyHeader {
     std::int64_t num_shared = 0;
 };
 
-/// Writes the header; the caller then writes `count` packed rows and `num_shared` floats.
+/// Writes the header of a binary little-endian file; the caller then writes `count` packed rows and `num_shared`
+/// floats.
 void write_ply_header(std::ostream& out, const PlyHeader& header);
 
-/// Reads the vertices of a PLY in chunks, so that memory does not grow with the file. The element `shared` is read only
-/// directly after the vertices; other later data (faces, trailing bytes) are ignored.
-/// Errors: DataError naming file and property for a header that is not PLY, ASCII or big-endian data, list properties
-/// of a vertex, duplicate names, and a file shorter than its header promises (checked before anything is allocated).
+/// Reads the vertices of a PLY in chunks, so that memory does not grow with the file: text and both byte orders, scalar
+/// properties of any type. List properties and other elements (faces, cameras) are skipped, before the vertices and
+/// after them; the element `shared` is read only directly after the vertices. Trailing bytes are ignored.
+/// Errors: DataError naming file and property for a header that is not PLY, for duplicate names, and for a file shorter
+/// than its header promises (checked before anything is allocated); `next_chunk` throws one for a row that is no row of
+/// numbers.
 class PlyReader {
   public:
     explicit PlyReader(const std::filesystem::path& path);
@@ -55,14 +59,47 @@ class PlyReader {
     [[noreturn]] void fail(const std::string& reason) const;
 
   private:
+    enum class Format { kText, kLittleEndian, kBigEndian };
+    struct Property {
+        std::optional<PlyType> type;        ///< of the value, or of a list's values
+        std::optional<PlyType> count_type;  ///< of the length of a list; empty for a scalar
+    };
+    struct Element {
+        std::string name;
+        std::int64_t count = 0;
+        std::vector<Property> properties;
+    };
+
+    std::string header_line();
     void parse_header();
+    void parse_property(const std::string& line, Element& element);
+    std::int64_t remaining();
+    /// Returns the fewest bytes that a row can have.
+    std::int64_t least_row_bytes(const Element& element) const;
+    void check_fits(const Element& element);
+    void skip(const Element& element);
+    /// Finds the next row of a text file that is not blank. Returns false at the end of the file.
+    bool next_text_row();
+    /// Reads the scalars of a row into `values`, unless it is null. Returns false at the end of the file.
+    bool read_text_row(std::int64_t row, double* values);
+    bool read_row(const Element& element, double* values);
+    bool read_number(PlyType type, double& value);
+    void swap_bytes(std::int64_t rows);
 
     std::filesystem::path path_;
     std::ifstream in_;
+    std::int64_t file_bytes_ = 0;
+    Format format_ = Format::kLittleEndian;
+    std::vector<Element> before_;  ///< the elements before the vertices
+    Element vertices_;
     PlyHeader header_;
-    std::vector<std::int64_t> offsets_;  ///< byte offset of each property in a row
+    /// Whether chunk_ holds the rows as the file does (but little endian); otherwise values_ holds them.
+    bool packed_ = true;
+    std::vector<std::int64_t> offsets_;  ///< byte offset of each property in a packed row
     std::int64_t row_bytes_ = 0, rows_read_ = 0;
-    std::vector<char> chunk_;
+    std::vector<char> chunk_, row_buffer_;
+    std::vector<double> values_;
+    std::string_view text_row_;
 };
 
 }  // namespace gs
