@@ -191,19 +191,46 @@ Image read_image(const fs::path& path) try {
     fail_for_memory(path);
 }
 
+namespace {
+
+/// Returns whether the alpha channel tells pixels apart.
+bool alpha_varies(const Image& image) {
+    if (image.channels != 4) return false;
+    for (int y = 0; y < image.height; ++y)
+        for (int x = 0; x < image.width; ++x)
+            if (image.value(x, y, 3) != image.value(0, 0, 3)) return true;
+    return false;
+}
+
+/// Returns the factor that makes the largest value of a mask full weight, if the file holds 0 and 1, or 0 to 255 in 16
+/// bits.
+float mask_scale(const Image& image, float largest) {
+    const float unit = image.is_float() ? 1 / 65535.0f : 1 / 255.0f, rounding = 0.1f * unit;
+    if (std::abs(largest - unit) < rounding) return 1 / unit;
+    return image.is_float() && largest > unit && largest < 255 * unit + rounding ? 257.0f : 1.0f;
+}
+
+}  // namespace
+
 Image read_mask(const fs::path& path) {
     const Image in = read_image(path);
+    const bool by_alpha = alpha_varies(in);
+    const auto weight = [&](int x, int y) {
+        // Rec. 709 luma. For the usual grey masks any weights with sum 1 give the same.
+        return by_alpha ? in.value(x, y, 3)
+                        : 0.2126f * in.value(x, y, 0) + 0.7152f * in.value(x, y, 1) + 0.0722f * in.value(x, y, 2);
+    };
+    float largest = 0;
+    for (int y = 0; y < in.height; ++y)
+        for (int x = 0; x < in.width; ++x) largest = std::max(largest, weight(x, y));
+    const float scale = mask_scale(in, largest);
     Image mask;
     mask.width = in.width;
     mask.height = in.height;
     mask.channels = 1;
     mask.u8.resize(std::size_t(in.width) * in.height);
     for (int y = 0; y < in.height; ++y)
-        for (int x = 0; x < in.width; ++x) {
-            // Rec. 709 luma. For the usual grey masks any weights with sum 1 give the same.
-            const float luma = 0.2126f * in.value(x, y, 0) + 0.7152f * in.value(x, y, 1) + 0.0722f * in.value(x, y, 2);
-            mask.u8[std::size_t(y) * in.width + x] = to_8_bits(in.channels == 4 ? in.value(x, y, 3) : luma);
-        }
+        for (int x = 0; x < in.width; ++x) mask.u8[std::size_t(y) * in.width + x] = to_8_bits(scale * weight(x, y));
     return mask;
 }
 

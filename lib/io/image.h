@@ -47,7 +47,8 @@ ImageInfo read_image_info(const std::filesystem::path& path);
 /// as read_image_info does.
 Image read_image(const std::filesystem::path& path);
 
-/// Reads a mask as one 8-bit channel (alpha if present, else luma). Throws as read_image does.
+/// Reads a mask as one 8-bit channel: alpha if it varies, else luma. The largest value says what full weight is: 1 in a
+/// file of zeros and ones, 255 in a 16-bit file of 8-bit values, and otherwise white. Throws as read_image does.
 Image read_mask(const std::filesystem::path& path);
 
 /// Resizes with an area-exact box filter when shrinking, bilinearly when enlarging; premultiplies alpha while

@@ -145,6 +145,39 @@ TEST(Image, SixteenBitBecomesFloatDividedBy65535) {
     for (int i = 0; i < 6; ++i) EXPECT_NEAR(image.f32[i], expected[i] / 65535, 1e-7);
 }
 
+TEST(Mask, WeightIsAlphaIfItVariesAndElseLuma) {
+    TempFolder folder;
+    const auto mask_of = [&](int channels, const std::vector<std::uint8_t>& values) {
+        write_raw<std::uint8_t>(folder / "m.png", 2, 1, channels, OIIO::TypeDesc::UINT8, values);
+        return read_mask(folder / "m.png").u8;
+    };
+    const std::vector<std::uint8_t> white_black{255, 0}, grey_black{100, 0};
+    EXPECT_EQ(mask_of(1, {255, 0}), white_black);
+    EXPECT_EQ(mask_of(1, {100, 0}), grey_black);
+    EXPECT_EQ(mask_of(2, {255, 255, 0, 255}), white_black);
+    EXPECT_EQ(mask_of(2, {7, 255, 7, 0}), white_black);
+    EXPECT_EQ(mask_of(3, {255, 255, 255, 0, 0, 0}), white_black);
+    EXPECT_EQ(mask_of(4, {255, 255, 255, 255, 0, 0, 0, 255}), white_black);
+    EXPECT_EQ(mask_of(4, {9, 80, 7, 255, 200, 3, 4, 0}), white_black) << "a cut-out photograph";
+}
+
+TEST(Mask, TheLargestValueSaysWhatFullWeightIs) {
+    TempFolder folder;
+    const std::vector<std::uint8_t> white_black{255, 0};
+    for (const auto& values : {std::vector<std::uint8_t>{1, 0}, {255, 0}}) {
+        write_raw<std::uint8_t>(folder / "m.png", 2, 1, 1, OIIO::TypeDesc::UINT8, values);
+        EXPECT_EQ(read_mask(folder / "m.png").u8, white_black) << int(values[0]);
+    }
+    for (const auto& values : {std::vector<std::uint16_t>{1, 0}, {255, 0}, {65535, 0}}) {
+        write_raw<std::uint16_t>(folder / "m.png", 2, 1, 1, OIIO::TypeDesc::UINT16, values);
+        EXPECT_EQ(read_mask(folder / "m.png").u8, white_black) << values[0];
+    }
+    write_raw<std::uint8_t>(folder / "m.png", 2, 1, 1, OIIO::TypeDesc::UINT8, {0, 0});
+    EXPECT_EQ(read_mask(folder / "m.png").u8, (std::vector<std::uint8_t>{0, 0}));
+    write_raw<std::uint8_t>(folder / "m.png", 2, 1, 1, OIIO::TypeDesc::UINT8, {1, 1});
+    EXPECT_EQ(read_mask(folder / "m.png").u8, (std::vector<std::uint8_t>{255, 255}));
+}
+
 TEST(Image, ExrKeepsFloatValuesAndStraightAlpha) {
     TempFolder folder;
     Image image{2, 1, 4, {}, {0.25f, 1.5f, 3.0f, 0.5f, 0.125f, 0.75f, 0.0f, 1.0f}};
