@@ -49,11 +49,13 @@ class ModelBuilder {
 
 /// Reads cameras.bin and images.bin. Throws DataError.
 void read_binary(const std::filesystem::path& folder, ModelBuilder& builder);
-/// Reads points3D.bin. Throws DataError.
-void read_binary_points(const std::filesystem::path& file, ModelBuilder& builder);
 /// Reads cameras.txt and images.txt. Throws DataError.
 void read_text(const std::filesystem::path& folder, ModelBuilder& builder);
-/// Reads points3D.txt. Throws DataError.
+/// Reads a points3D.bin or points3D.txt, as the extension says. Throws DataError.
+void read_points(const std::filesystem::path& file, ModelBuilder& builder);
+/// Reads a points3D.bin. Throws DataError.
+void read_binary_points(const std::filesystem::path& file, ModelBuilder& builder);
+/// Reads a points3D.txt. Throws DataError.
 void read_text_points(const std::filesystem::path& file, ModelBuilder& builder);
 /// Returns the number of records in an images.txt, well-formed or not. Throws DataError if it cannot be read.
 std::uint64_t count_text_images(const std::filesystem::path& file);

@@ -117,6 +117,10 @@ void ModelBuilder::finish() {
     if (skipped_points_ > 0) note(fmt::format("{} points with non-finite coordinates: skipped", skipped_points_));
 }
 
+void read_points(const fs::path& file, ModelBuilder& builder) {
+    file.extension() == ".bin" ? read_binary_points(file, builder) : read_text_points(file, builder);
+}
+
 }  // namespace colmap
 
 bool is_binary_colmap_model(const fs::path& folder) {
@@ -198,12 +202,26 @@ fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& note
     return {};
 }
 
+fs::path colmap_point_file(const fs::path& folder) {
+    const fs::path binary = folder / "points3D.bin", text = folder / "points3D.txt";
+    if (path_exists(binary) && (is_binary_colmap_model(folder) || !path_exists(text))) return binary;
+    return path_exists(text) ? text : fs::path();
+}
+
+SourcePoints read_colmap_points(const fs::path& file, std::vector<std::string>& notes) {
+    ColmapModel model;
+    colmap::ModelBuilder builder(model);
+    colmap::read_points(file, builder);
+    builder.finish();
+    notes.insert(notes.end(), model.notes.begin(), model.notes.end());
+    return std::move(model.points);
+}
+
 ColmapModel read_colmap_model(const fs::path& folder) {
     ColmapModel model;
     model.folder = folder;
     colmap::ModelBuilder builder(model);
-    const bool binary = is_binary_colmap_model(folder);
-    if (binary) {
+    if (is_binary_colmap_model(folder)) {
         note_both_forms(folder, model.notes);
         colmap::read_binary(folder, builder);
     } else if (has_text(folder)) {
@@ -211,12 +229,7 @@ ColmapModel read_colmap_model(const fs::path& folder) {
     } else {
         throw DataError(fmt::format("{}: no COLMAP model (cameras and images as .bin or .txt) here", folder.string()));
     }
-    // Points may lie there in the other form alone.
-    const fs::path bin = folder / "points3D.bin", txt = folder / "points3D.txt";
-    if (path_exists(bin) && (binary || !path_exists(txt)))
-        colmap::read_binary_points(bin, builder);
-    else if (path_exists(txt))
-        colmap::read_text_points(txt, builder);
+    if (const fs::path points = colmap_point_file(folder); !points.empty()) colmap::read_points(points, builder);
     builder.finish();
     return model;
 }

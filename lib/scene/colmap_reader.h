@@ -38,11 +38,19 @@ std::filesystem::path find_colmap_model(const std::filesystem::path& scene, std:
 /// where the system cannot tell.
 bool is_binary_colmap_model(const std::filesystem::path& folder);
 
+/// Returns the file of COLMAP's points in a folder: points3D.bin or points3D.txt, that in the form of the folder's
+/// model if there are both; an empty path if there is none.
+std::filesystem::path colmap_point_file(const std::filesystem::path& folder);
+
+/// Reads a points3D.bin or points3D.txt. Notes and errors are those of `read_colmap_model`.
+SourcePoints read_colmap_points(const std::filesystem::path& file, std::vector<std::string>& notes);
+
 /// Reads cameras, images and points3D from `folder`: the binary files if both cameras.bin and images.bin exist, else
-/// text. Non-finite poses and points are skipped and noted; so are trailing bytes. A missing points3D file means no
-/// points. Throws DataError naming file, field and value for truncated files, counts that the file size does not allow
-/// (checked before allocating), unknown camera models, invalid intrinsics, duplicate ids and images without a camera.
-/// Takes memory of at most a small multiple of the file sizes.
+/// text; points in the other form if there are none in this one. Non-finite poses and points are skipped and noted; so
+/// are trailing bytes. A missing points3D file means no points. Throws DataError naming file, field and value for
+/// truncated files, counts that the file size does not allow (checked before allocating), unknown camera models,
+/// invalid intrinsics, duplicate ids and images without a camera. Takes memory of at most a small multiple of the file
+/// sizes.
 ColmapModel read_colmap_model(const std::filesystem::path& folder);
 
 }  // namespace gs

@@ -44,6 +44,7 @@ std::string without_image_extension(const std::string& name) {
 /// How much a candidate differs from a name; less is better.
 struct Difference {
     int parts = 0;      ///< minus the number of parts at the end that agree
+    int folders = 0;    ///< 1 = one of both has more of them in front
     int extension = 0;  ///< 0 = same last part, 1 = another extension, 2 = an extension more or less
     int letters = 0;    ///< 1 = upper and lower case differ
     auto operator<=>(const Difference&) const = default;
@@ -110,6 +111,7 @@ NameIndex::NameIndex(const std::vector<std::string>& names) {
         entries_.push_back(std::move(entry));
     };
     for (std::size_t i = 0; i < names.size(); ++i) {
+        if (!by_name_.emplace(names[i], i).second) continue;
         add(entry(i, names[i], ""));
         for (Reading& reading : readings(names[i])) add(entry(i, std::move(reading.text), reading.encoding));
     }
@@ -117,6 +119,7 @@ NameIndex::NameIndex(const std::vector<std::string>& names) {
 
 std::optional<NameIndex::Match> NameIndex::find(const std::string& name, bool& ambiguous) const {
     ambiguous = false;
+    if (const auto exact = by_name_.find(name); exact != by_name_.end()) return Match{exact->second, true, ""};
     std::vector<Entry> wanted{entry(0, name, "")};
     for (Reading& reading : readings(name)) wanted.push_back(entry(0, std::move(reading.text), reading.encoding));
     const bool absolute = is_absolute(with_slashes(name));
@@ -135,7 +138,7 @@ std::optional<NameIndex::Match> NameIndex::find(const std::string& name, bool& a
                 if (!extension || !(whole || all_of_it || absolute)) continue;
                 const bool same_letters = common_folders(want.parts, entry.parts) + 1 == agree &&
                                           compare_last(want.parts.back(), entry.parts.back()) == extension;
-                const Difference difference{-int(agree), *extension, same_letters ? 0 : 1};
+                const Difference difference{-int(agree), whole && all_of_it ? 0 : 1, *extension, same_letters ? 0 : 1};
                 if (least && (difference > *least || (difference == *least && entry.index == best->index))) continue;
                 // Files that differ only in their extension are one photograph in several formats: the first serves.
                 if (least == difference && *extension > 0 && is_sibling(entry.folded, best->folded)) continue;

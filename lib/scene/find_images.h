@@ -50,7 +50,8 @@ class NameIndex {
         bool same_place = false;  ///< both names have the same folders
         std::string encoding;     ///< the one in which one of the names was read; empty if both are UTF-8
     };
-    /// Returns the best match. Returns nothing if there is none, or if several are equally good; then sets `ambiguous`.
+    /// Returns the best match: the very name, or else the one that differs least. Returns nothing if there is none, or
+    /// if several are equally good; then sets `ambiguous`.
     std::optional<Match> find(const std::string& name, bool& ambiguous) const;
 
   private:
@@ -63,6 +64,7 @@ class NameIndex {
 
     static Entry entry(std::size_t index, std::string text, const std::string& encoding);
 
+    std::map<std::string, std::size_t> by_name_;  ///< exactly as given; of equal ones the first
     std::vector<Entry> entries_;
     std::multimap<std::string, std::size_t> by_last_part_;  ///< folded, both whole and without extension
 };

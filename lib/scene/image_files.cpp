@@ -5,13 +5,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <deque>
 #include <set>
 #include <system_error>
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
+#include "lib/core/utf8.h"
 
 namespace gs {
 
@@ -19,12 +19,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-std::string lower_case_extension(const fs::path& path) {
-    std::string extension = path.extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return std::tolower(c); });
-    return extension;
-}
+std::string folded_extension(const fs::path& path) { return case_folded(path.extension().string()); }
 
 constexpr std::string_view kUnreadExtensions[] = {
     ".heic", ".heif", ".hif", ".avif", ".jxl", ".jp2", ".gif", ".tga", ".psd",  // phones, web, programs
@@ -40,11 +35,11 @@ bool is_litter(const fs::path& path) {
 }  // namespace
 
 bool has_image_extension(const fs::path& path) {
-    return std::ranges::find(kImageExtensions, lower_case_extension(path)) != std::end(kImageExtensions);
+    return std::ranges::find(kImageExtensions, folded_extension(path)) != std::end(kImageExtensions);
 }
 
 bool is_unread_photograph(const fs::path& path) {
-    return std::ranges::find(kUnreadExtensions, lower_case_extension(path)) != std::end(kUnreadExtensions);
+    return std::ranges::find(kUnreadExtensions, folded_extension(path)) != std::end(kUnreadExtensions);
 }
 
 bool names_file(const fs::path& path) {
@@ -52,6 +47,14 @@ bool names_file(const fs::path& path) {
     const fs::file_type type = fs::status(path, error).type();
     return error != std::errc::filename_too_long && type != fs::file_type::not_found &&
            type != fs::file_type::directory;
+}
+
+std::vector<fs::path> entries_named(const fs::path& folder, const std::string& name) {
+    std::vector<fs::path> found;
+    for (const fs::path& entry : list_folder(folder))
+        if (case_folded(entry.filename().string()) == case_folded(name)) found.push_back(entry);
+    std::stable_partition(found.begin(), found.end(), [&](const fs::path& entry) { return entry.filename() == name; });
+    return found;
 }
 
 std::string without_extension(const std::string& name) {
@@ -101,6 +104,17 @@ void ImageFolder::tell_unread(std::vector<std::string>& notes, std::vector<std::
         facts.push_back(line + ", because each has a file beside it that is read");
     else
         notes.push_back(fmt::format("{}; {}", line, kConvertPhotographs));
+}
+
+void require_image_folder(const fs::path& scene, const std::string& images) {
+    if (folder_exists(scene / images)) return;
+    std::vector<std::string> others;
+    for (const fs::path& folder : list_folder(scene.empty() ? "." : scene))
+        if (folder_exists(folder) && !ImageFolder(folder).names().empty()) others.push_back(folder.filename().string());
+    throw DataError(fmt::format("{}: image folder '{}' does not exist; {} (choose another with --images)",
+                                scene.string(), images,
+                                others.empty() ? "no folder here holds images"
+                                               : fmt::format("folders with images are {}", fmt::join(others, ", "))));
 }
 
 }  // namespace gs

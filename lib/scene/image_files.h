@@ -28,6 +28,13 @@ inline constexpr const char* kConvertPhotographs =
 /// as one with a second extension may be, is no file's.
 bool names_file(const std::filesystem::path& path);
 
+/// Returns the entries of a folder that have this name, in upper or lower case and composed or decomposed; the one that
+/// is spelt so comes first. Throws DataError for a folder that cannot be listed.
+std::vector<std::filesystem::path> entries_named(const std::filesystem::path& folder, const std::string& name);
+
+/// Throws DataError if the folder `images` of a scene does not exist, and names the folders with images that there are.
+void require_image_folder(const std::filesystem::path& scene, const std::string& images);
+
 /// Removes the extension: "a/b.c.png" -> "a/b.c".
 std::string without_extension(const std::string& name);
 

@@ -6,10 +6,11 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
-#include "lib/io/ply_file.h"
 #include "lib/scene/colmap_reader.h"
 #include "lib/scene/image_files.h"
+#include "lib/scene/point_files.h"
 #include "lib/scene/source_scene.h"
+#include "lib/scene/split.h"
 
 namespace gs {
 namespace {
@@ -42,9 +43,7 @@ fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options,
     const fs::path folder = scene / options.images;
     if (folder_exists(folder)) return folder;
     const std::vector<std::string> scaled = scaled_folders(scene, options.images);
-    if (scaled.empty())
-        throw DataError(fmt::format("{}: image folder '{}' does not exist (choose another with --images)",
-                                    scene.string(), options.images));
+    if (scaled.empty()) require_image_folder(scene, options.images);
     if (options.resolution == 1 || divisor)
         throw DataError(
             fmt::format("{}: image folder '{}' does not exist, of whose size --resolution {} is a part; there are {}: "
@@ -55,62 +54,47 @@ fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options,
 }
 
 /// Pairs names of the full-size folder with files of a pre-scaled one by sorted order, because some publishers renumber
-/// the files.
+/// the files. Masks beside the photographs do not count.
 class SortedPairs {
   public:
-    SortedPairs(const ImageFolder& full, const ImageFolder& scaled) : full_(full), scaled_(scaled) {}
+    SortedPairs(const ImageFolder& full, const ImageFolder& scaled)
+        : full_(photographs(full)), scaled_(photographs(scaled)), folder_(scaled.path()) {}
 
     std::optional<fs::path> find(const std::string& name) const {
-        const auto& names = full_.names();
-        const auto it = std::lower_bound(names.begin(), names.end(), name);
-        if (names.size() != scaled_.names().size() || it == names.end() || *it != name) return {};
-        return scaled_.path() / scaled_.names()[it - names.begin()];
+        const auto it = std::lower_bound(full_.begin(), full_.end(), name);
+        if (full_.size() != scaled_.size() || it == full_.end() || *it != name) return {};
+        return folder_ / scaled_[it - full_.begin()];
     }
 
   private:
-    const ImageFolder &full_, &scaled_;
+    static std::vector<std::string> photographs(const ImageFolder& folder) {
+        std::vector<std::string> names = folder.names();
+        std::erase_if(names, [](const std::string& name) { return bool(masked_by(name)); });
+        return names;
+    }
+
+    std::vector<std::string> full_, scaled_;
+    fs::path folder_;
 };
 
-void read_points(const fs::path& scene, const fs::path& model_folder, ColmapModel& model, SourceScene& out) {
-    out.points = std::move(model.points);
-    const bool has_file = path_exists(model_folder / "points3D.bin") || path_exists(model_folder / "points3D.txt");
-    for (const fs::path& folder : {model_folder, scene})
-        if (const fs::path ply = folder / "points3D.ply";
-            !has_file && out.points.positions.empty() && path_exists(ply)) {
-            out.points = read_point_ply(ply);
-            out.notes.push_back(fmt::format("points: {} from {}", out.points.positions.size(), ply.string()));
-        }
-}
-
-void note_masks(const SourceScene& scene, std::vector<std::string>& notes) {
-    std::size_t images = 0, masks = 0;
-    for (const SourceView& view : scene.views) images += view.unreadable.empty(), masks += view.mask.has_value();
-    if (masks > 0 && masks < images)
-        notes.push_back(fmt::format("{} of {} images have no mask: used whole", images - masks, images));
+/// Reads the points of the model folder, else those of the folders above it up to the scene's.
+void read_points(const fs::path& scene, ColmapModel& model, SourceScene& out) {
+    std::vector<PointFile> files;
+    const auto add = [&](std::vector<PointFile> found) { files.insert(files.end(), found.begin(), found.end()); };
+    const auto add_colmap_points = [&](const fs::path& folder) {
+        add(point_files(folder, {"points3D.ply"}));
+        if (const fs::path own = colmap_point_file(folder); !own.empty()) files.push_back({own});
+    };
+    add_colmap_points(model.folder);
+    if (!files.empty() && !is_ply(files.back().path)) files.back().points = std::move(model.points);
+    fs::path folder = model.folder;
+    for (const fs::path& part : model.folder.lexically_relative(scene))
+        if (part != ".") add_colmap_points(folder = folder.parent_path());
+    add(point_files(scene, {"sparse_pc.ply", "pointcloud.ply", "point_cloud.ply"}));
+    choose_points(std::move(files), "points3D.ply goes first, as in 3DGS, then COLMAP's own points", out);
 }
 
 }  // namespace
-
-SourcePoints read_point_ply(const fs::path& path) {
-    PlyReader reader(path);
-    const int x = reader.require("x"), y = reader.require("y"), z = reader.require("z");
-    const int color[3] = {reader.find("red"), reader.find("green"), reader.find("blue")};
-    const bool colored = color[0] >= 0 && color[1] >= 0 && color[2] >= 0;
-    const bool unit = colored && (reader.header().properties[color[0]].type == PlyType::kFloat ||
-                                  reader.header().properties[color[0]].type == PlyType::kDouble);
-    SourcePoints points;
-    while (const std::int64_t rows = reader.next_chunk())
-        for (std::int64_t r = 0; r < rows; ++r) {
-            const Eigen::Vector3d p(reader.value(r, x), reader.value(r, y), reader.value(r, z));
-            if (!p.cast<float>().allFinite()) continue;
-            Eigen::Vector3f rgb = Eigen::Vector3f::Constant(0.5f);
-            for (int c = 0; colored && c < 3; ++c)
-                rgb[c] = std::clamp(float(reader.value(r, color[c])) / (unit ? 1.0f : 255.0f), 0.0f, 1.0f);
-            points.positions.push_back(p);
-            points.colors.push_back(rgb.allFinite() ? rgb : Eigen::Vector3f(Eigen::Vector3f::Constant(0.5f)));
-        }
-    return points;
-}
 
 SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, const SceneOptions& options) {
     ColmapModel model = read_colmap_model(model_folder);
@@ -122,14 +106,22 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
     const SortedPairs pairs(full, folder);
     out.image_folder = folder.path().lexically_relative(scene).generic_string();
 
-    Preflight preflight;
-    std::vector<std::string> names;
+    std::vector<std::string> names, names_in_scene, listed_masks;
     for (const ColmapImage& image : model.images) names.push_back(image.name);
     FoundImages found = find_images(folder.path(), names, OutsideNames::kForeign);
     for (std::string& line : found.notes) out.notes.push_back(std::move(line));
     for (std::string& line : found.facts) out.facts.push_back(std::move(line));
+    for (const FoundImage& image : found.images)
+        names_in_scene.push_back((fs::path(out.image_folder) / image.name).lexically_normal().generic_string());
+    MaskFinder masks(scene, names_in_scene, out.prescaled);
+
+    Preflight preflight;
     for (std::size_t i = 0; i < model.images.size(); ++i) {
         const ColmapImage& image = model.images[i];
+        if (masks.is_mask(names_in_scene[i])) {
+            listed_masks.push_back(image.name);
+            continue;
+        }
         SourceView view;
         view.name = image.name;
         view.camera_id = int(image.camera_id);
@@ -147,7 +139,7 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
             view.lens = scaled_to(view.lens, view.info.width, view.info.height);
         else
             preflight.fit_lens(view);
-        view.mask = find_mask(scene, found.images[i].name, view.image_path, out.prescaled);
+        view.mask = masks.find(names_in_scene[i], found.images[i].name, view.image_path);
         out.views.push_back(std::move(view));
     }
     const fs::path list = model_folder / (is_binary_colmap_model(model_folder) ? "images.bin" : "images.txt");
@@ -155,11 +147,13 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
          preflight.report(fmt::format("{} with images of {}", list.string(), folder.path().string())))
         out.notes.push_back(std::move(line));
     folder.tell_unread(out.notes, out.facts);
-    note_masks(out, out.notes);
-    read_points(scene, model_folder, model, out);
+    note_mask_findings(masks, listed_masks, out);
+    read_points(scene, model, out);
     if (out.points.positions.empty()) out.notes.push_back("the model has no points: random initialisation");
     std::sort(out.views.begin(), out.views.end(),
               [](const SourceView& a, const SourceView& b) { return a.name < b.name; });
+    apply_test_file(model_folder / "test.txt", out);
+    apply_folder_split(out);
     return out;
 }
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <sstream>
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
@@ -18,6 +17,7 @@
 #include "lib/scene/image_files.h"
 #include "lib/scene/procedural.h"
 #include "lib/scene/source_scene.h"
+#include "lib/scene/split.h"
 #include "lib/scene/undistort.h"
 #include "lib/scene/view_builder.h"
 
@@ -51,15 +51,15 @@ void require_whole_model(const fs::path& source) {
 
 SourceScene read_source(const fs::path& source, const SceneOptions& options) {
     if (!path_exists(source)) throw DataError(fmt::format("{}: no such folder or file", source.string()));
-    if (!folder_exists(source)) return load_transforms(source);
+    if (!folder_exists(source)) return load_transforms(source, options);
     std::vector<std::string> notes;
     if (const fs::path model = find_colmap_model(source, notes); !model.empty()) {
         SourceScene scene = load_colmap(source, model, options);
         scene.notes.insert(scene.notes.begin(), notes.begin(), notes.end());
         return scene;
     }
-    if (path_exists(source / "transforms_train.json")) return load_nerf_synthetic(source);
-    if (path_exists(source / "transforms.json")) return load_transforms(source / "transforms.json");
+    if (path_exists(source / "transforms_train.json")) return load_nerf_synthetic(source, options);
+    if (path_exists(source / "transforms.json")) return load_transforms(source / "transforms.json", options);
     require_whole_model(source);
     throw DataError(fmt::format(
         "{}: not a scene: neither sparse/0/cameras.bin (or .txt) nor transforms_train.json nor transforms.json found; "
@@ -72,24 +72,15 @@ SourceScene read_source(const fs::path& source, const SceneOptions& options) {
 std::vector<bool> read_test_list(const std::string& path, const std::vector<SourceView>& views) {
     if (const std::string fault = input_fault(path); !fault.empty())
         throw DataError(fmt::format("test list {}: cannot be read: {}", path, fault));
-    std::istringstream in(read_input_text(path));
-    std::map<std::string, std::size_t> by_name;
-    for (std::size_t i = 0; i < views.size(); ++i) by_name.emplace(without_extension(views[i].name), i);
-    for (std::size_t i = 0; i < views.size(); ++i) by_name[views[i].name] = i;
     std::vector<std::string> names;
     for (const SourceView& view : views) names.push_back(view.name);
     const NameIndex index(names);
     std::vector<bool> test(views.size());
     std::size_t number = 0, elsewhere = 0;
     std::string first;
-    for (std::string line; std::getline(in, line);) {
+    for (const std::string& line : read_name_list(path)) {
         ++number;
-        line.erase(line.find_last_not_of(" \t\r") + 1);
-        if (line.empty() || line[0] == '#') continue;
-        if (const auto it = by_name.find(line); it != by_name.end()) {
-            test[it->second] = true;
-            continue;
-        }
+        if (line.empty()) continue;
         bool ambiguous = false;
         const std::optional<NameIndex::Match> match = index.find(line, ambiguous);
         if (!match)
@@ -103,56 +94,75 @@ std::vector<bool> read_test_list(const std::string& path, const std::vector<Sour
     return test;
 }
 
-/// Marks the views that are held out and describes the rule in words in `rule`.
-std::vector<bool> choose_test_views(const SourceScene& scene, const SceneOptions& options, std::string& rule) {
-    std::vector<bool> test(scene.views.size());
+/// Decides which views train, test, or do neither, and describes the rule in words in `rule`. Throws DataError if a
+/// split that the dataset states leaves no view to train.
+std::vector<ViewRole> choose_roles(const SourceScene& scene, const SceneOptions& options, std::string& rule) {
+    std::vector<ViewRole> roles;
+    for (const SourceView& view : scene.views) roles.push_back(view.role);
+    const bool given = !scene.given_split.empty();
+    const auto replace = [&](ViewRole role, ViewRole by) { std::replace(roles.begin(), roles.end(), role, by); };
+    const auto trains = [&] { return std::find(roles.begin(), roles.end(), ViewRole::kTrain) != roles.end(); };
+    if (!options.eval || !options.test_list.empty())
+        replace(ViewRole::kTest, scene.test_views_train ? ViewRole::kTrain : ViewRole::kLeftOut);
     if (!options.eval) {
         rule = "all views train (no --eval)";
-        if (!scene.given_split.empty())
+        if (given && scene.test_views_train)
             rule += "; the test views of " + scene.given_split + " train as well, as in 3DGS";
+        else if (given)
+            rule = fmt::format("no --eval; the views of {} are held out all the same", scene.given_split);
     } else if (!options.test_list.empty()) {
-        test = read_test_list(options.test_list, scene.views);
+        const std::vector<bool> test = read_test_list(options.test_list, scene.views);
+        for (std::size_t i = 0; i < roles.size(); ++i)
+            if (test[i]) roles[i] = ViewRole::kTest;
         rule = "test views listed in " + fs::path(options.test_list).filename().string();
-    } else if (!scene.given_split.empty()) {
-        for (std::size_t i = 0; i < test.size(); ++i) test[i] = scene.views[i].given_test;
+        if (given && !scene.test_views_train) rule += "; those of " + scene.given_split + " do not train either";
+    } else if (given) {
         rule = "given: " + scene.given_split;
     } else if (options.test_every > 0) {
-        for (std::size_t i = 0; i < test.size(); i += options.test_every) test[i] = true;
+        int next = 0;
+        for (ViewRole& role : roles)
+            if (role == ViewRole::kTrain && next++ % options.test_every == 0) role = ViewRole::kTest;
         rule = fmt::format("sorted by name, index % {} == 0 is test", options.test_every);
     } else {
         rule = "all views train (--test-every 0)";
     }
-    if (std::find(test.begin(), test.end(), false) == test.end()) {
-        test.assign(test.size(), false);
-        rule = fmt::format("all views train ({} would leave none to train)", rule);
-    }
-    return test;
+    if (trains()) return roles;
+    if (given) throw DataError(fmt::format("{}: {} leaves no view to train", options.source, scene.given_split));
+    replace(ViewRole::kTest, ViewRole::kTrain);
+    rule = fmt::format("all views train ({} would leave none to train)", rule);
+    if (!trains()) throw DataError(fmt::format("{}: every view is left out", options.source));
+    return roles;
 }
 
-/// Leaves out the views that cannot be read. With `scores` throws DataError if a test view is among them: scores of the
-/// others would not compare with those of the whole set.
-void remove_unreadable(SourceScene& scene, std::vector<bool>& test, bool scores) {
+/// Removes the views that are left out or cannot be read. With `scores` throws DataError if a test view cannot be read:
+/// scores of the others would not compare with those of the whole set.
+void remove_unused(SourceScene& scene, std::vector<ViewRole>& roles, bool scores) {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < scene.views.size(); ++i) {
+        if (roles[i] == ViewRole::kLeftOut) continue;
         if (!scene.views[i].unreadable.empty()) {
-            if (test[i] && scores)
+            if (roles[i] == ViewRole::kTest && scores)
                 throw DataError(
                     fmt::format("test view {}: {}; scores without it would not be comparable: repair the "
                                 "file, or take the view out of the scene",
                                 scene.views[i].name, scene.views[i].unreadable));
             continue;
         }
-        test[kept] = test[i];
+        roles[kept] = roles[i];
         if (kept != i) scene.views[kept] = std::move(scene.views[i]);
         ++kept;
     }
     scene.views.resize(kept);
-    test.resize(kept);
+    roles.resize(kept);
 }
 
+Eigen::Vector3d camera_center(const SourceView& view) { return -view.rotation.transpose() * view.translation; }
+
+/// Returns where the cameras stand, but for those that the dataset leaves out.
 std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views) {
     std::vector<Eigen::Vector3d> centers;
-    for (const SourceView& view : views) centers.push_back(-view.rotation.transpose() * view.translation);
+    for (const SourceView& view : views)
+        if (view.role != ViewRole::kLeftOut) centers.push_back(camera_center(view));
     return centers;
 }
 
@@ -192,7 +202,8 @@ void note_far_cameras(const std::vector<SourceView>& views, std::vector<std::str
     // straight line. Where more than a tenth are far away, they are a second place and no errors.
     constexpr double kFar = 6, kFewest = 5, kMostShare = 0.1;
     if (double(views.size()) < kFewest) return;
-    const std::vector<Eigen::Vector3d> centers = camera_centers(views);
+    std::vector<Eigen::Vector3d> centers;
+    for (const SourceView& view : views) centers.push_back(camera_center(view));
     Eigen::Vector3d middle;
     for (int axis = 0; axis < 3; ++axis) {
         std::vector<double> values;
@@ -235,15 +246,15 @@ void number_cameras(Scene& scene) {
     }
 }
 
-/// Sets the EXIF exposures. `test` tells for each source view whether it became the next view of scene.test or of
+/// Sets the EXIF exposures. `roles` tells for each source view whether it became the next view of scene.test or of
 /// scene.train.
-void add_exposures(const std::vector<SourceView>& sources, const std::vector<bool>& test, Scene& scene) {
+void add_exposures(const std::vector<SourceView>& sources, const std::vector<ViewRole>& roles, Scene& scene) {
     std::vector<ExifSettings> settings;
     for (const SourceView& source : sources) settings.push_back(read_exif_settings(source.image_path));
     const std::vector<std::optional<double>> stops = exposure_stops(settings);
     std::size_t num_train = 0, num_test = 0, without = 0;
     for (std::size_t i = 0; i < sources.size(); ++i) {
-        (test[i] ? scene.test[num_test++] : scene.train[num_train++]).exif_exposure = stops[i];
+        (roles[i] == ViewRole::kTest ? scene.test[num_test++] : scene.train[num_train++]).exif_exposure = stops[i];
         without += !stops[i];
     }
     if (without == sources.size())
@@ -254,18 +265,37 @@ void add_exposures(const std::vector<SourceView>& sources, const std::vector<boo
             without, sources.size()));
 }
 
-/// Names the masks that were found, because they change what is learned without anyone having asked for them.
-void add_masks(const SourceScene& source, std::vector<std::string>& facts) {
+/// Names the masks that were found, because they change what is learned without anyone having asked for them, and says
+/// which images have none and which masks have another shape than their image.
+void describe_masks(const SourceScene& source, Scene& scene) {
+    const std::size_t images = source.views.size();
     std::size_t masks = 0;
+    std::vector<std::string> stretched;
     const SourceView* first = nullptr;
     for (const SourceView& view : source.views) {
         if (!view.mask) continue;
         ++masks;
         if (!first) first = &view;
+        try {
+            const ImageInfo mask = read_image_info(view.mask->path);
+            // Smaller copies of masks and images are rounded, and some lie on their side as the image was stored.
+            const double width = double(view.info.width) / mask.width, height = double(view.info.height) / mask.height;
+            const bool turned = view.turn != 1 || view.info.orientation != 1;
+            if (std::abs(std::log(width / height)) > 0.05 && !turned)
+                stretched.push_back(fmt::format("{} is {}x{}, {} {}x{}", view.mask->path.string(), mask.width,
+                                                mask.height, view.name, view.info.width, view.info.height));
+        } catch (const DataError&) {
+            // Decoding the view says it.
+        }
     }
-    if (first)
-        facts.push_back(fmt::format("masks: {} of {} images have one, the first is {}", masks, source.views.size(),
-                                    first->mask->path.string()));
+    if (!first) return;
+    scene.facts.push_back(
+        fmt::format("masks: {} of {} images have one, the first is {}", masks, images, first->mask->path.string()));
+    if (masks < images)
+        scene.notes.push_back(fmt::format("{} of {} images have no mask: used whole", images - masks, images));
+    if (!stretched.empty())
+        scene.notes.push_back(fmt::format("{} masks have another shape than their images: stretched ({})",
+                                          stretched.size(), listed(stretched)));
 }
 
 /// Returns the largest distance of a camera from the cameras' mean; 0 where only rounding tells them apart.
@@ -364,8 +394,10 @@ double camera_extent(const std::vector<View>& views, const PointCloud& points) {
 Scene load_scene(const SceneOptions& options) {
     check_options(options);
     constexpr std::string_view kBuiltin = "builtin:";
-    if (options.source.starts_with(kBuiltin))
-        return load_builtin_scene(options.source.substr(kBuiltin.size()), options);
+    const bool is_builtin = options.source.starts_with(kBuiltin);
+    if (is_builtin && options.images != SceneOptions().images)
+        throw UsageError(fmt::format("--images {}: {} has no image folders", options.images, options.source));
+    if (is_builtin) return load_builtin_scene(options.source.substr(kBuiltin.size()), options);
 
     SourceScene source = read_source(options.source, options);
     Scene scene;
@@ -374,23 +406,23 @@ Scene load_scene(const SceneOptions& options) {
     scene.image_folder = source.image_folder;
     replace_lenses(source);
     scene.frame = options.frame ? *options.frame : choose_frame(camera_centers(source.views), source.points.positions);
-    note_far_cameras(source.views, source.notes);
     scene.notes = std::move(source.notes);
     scene.facts = std::move(source.facts);
     if (!options.eval && !options.test_list.empty()) scene.notes.push_back("a test list without --eval: ignored");
 
-    std::vector<bool> test = choose_test_views(source, options, scene.split_rule);
-    remove_unreadable(source, test, options.scores);
-    add_masks(source, scene.facts);
+    std::vector<ViewRole> roles = choose_roles(source, options, scene.split_rule);
+    remove_unused(source, roles, options.scores);
+    note_far_cameras(source.views, scene.notes);
+    describe_masks(source, scene);
     ViewBuilder builder(options, source.prescaled);
     for (std::size_t i = 0; i < source.views.size(); ++i)
-        (test[i] ? scene.test : scene.train).push_back(builder.build(source.views[i]));
+        (roles[i] == ViewRole::kTest ? scene.test : scene.train).push_back(builder.build(source.views[i]));
     if (source.is_object_in_cube) place_cube(scene);
     bring_into_frame(scene, source.points);
     for (std::string& line : builder.notes()) scene.notes.push_back(std::move(line));
     for (std::string& line : builder.facts()) scene.facts.push_back(std::move(line));
     number_cameras(scene);
-    if (options.exif) add_exposures(source.views, test, scene);
+    if (options.exif) add_exposures(source.views, roles, scene);
     scene.has_alpha = builder.has_alpha();
 
     check_points(scene);

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "lib/core/input_file.h"
+#include "lib/core/utf8.h"
 #include "lib/io/orientation.h"
-#include "lib/scene/image_files.h"
 
 namespace gs {
 namespace {
@@ -36,25 +36,115 @@ Image with_channels(const Image& image, int channels) {
 
 }  // namespace
 
-std::optional<MaskFile> find_mask(const fs::path& scene, const std::string& image_name, const fs::path& image_path,
-                                  int factor) {
-    std::vector<fs::path> folders;
-    if (factor > 1) folders.push_back(scene / fmt::format("masks_{}", factor));
-    for (const char* name : {"masks", "mask", "sfm_masks"}) folders.push_back(scene / name);
-    const std::string stem = without_extension(image_name);
-    std::vector<std::string> names{image_name + ".png", image_name, stem + ".png", stem + ".mask.png"};
-    for (const std::string_view extension : kImageExtensions) names.push_back(stem + std::string(extension));
-    for (const fs::path& folder : folders) {
-        if (!folder_exists(folder)) continue;
-        for (const std::string& name : names)
-            if (names_file(folder / name)) return MaskFile{folder / name, false};
+std::optional<std::string> masked_by(const std::string& name) {
+    const std::string stem = without_extension(name), end = case_folded(fs::path(stem).extension().string());
+    if (end != ".mask") return {};
+    return without_extension(stem);
+}
+
+MaskFinder::Index::Index(const fs::path& path, const std::vector<std::string>& files) : folder(path) {
+    for (const std::string& name : files) names.emplace(case_folded(without_extension(name)), name);
+}
+
+std::optional<fs::path> MaskFinder::Index::find(const std::string& stem, const std::string& preferred) const {
+    const auto [begin, end] = names.equal_range(case_folded(stem));
+    const std::string* best = nullptr;
+    std::size_t least = 0;
+    for (auto it = begin; it != end; ++it) {
+        const std::string& name = it->second;
+        const auto extension = std::find(std::begin(kImageExtensions), std::end(kImageExtensions),
+                                         case_folded(fs::path(name).extension().string()));
+        const std::size_t rank = (without_extension(name) != stem ? 1000 : 0) + (name != preferred ? 100 : 0) +
+                                 std::size_t(extension - std::begin(kImageExtensions));
+        if (best && rank >= least) continue;
+        best = &name;
+        least = rank;
     }
-    for (const std::string_view extension : kImageExtensions) {
-        const fs::path beside =
-            image_path.parent_path() / fmt::format("dynamic_mask_{}{}", image_path.stem().string(), extension);
-        if (names_file(beside)) return MaskFile{beside, true};
+    if (!best) return {};
+    return folder / *best;
+}
+
+MaskFinder::MaskFinder(const fs::path& root, const std::vector<std::string>& names, int factor)
+    : root_(root.empty() ? "." : root), factor_(factor) {
+    for (const std::string& name : names) {
+        names_.insert(case_folded(name));
+        stems_.insert(case_folded(without_extension(name)));
+        std::string child;
+        for (fs::path folder = fs::path(name).parent_path();; folder = folder.parent_path()) {
+            children_[folder.generic_string()].insert(child);
+            if (folder == folder.parent_path()) break;
+            child = folder.filename().string();
+        }
     }
+}
+
+bool MaskFinder::is_mask(const std::string& name) const {
+    const std::optional<std::string> image = masked_by(name);
+    return image && (names_.contains(case_folded(*image)) || stems_.contains(case_folded(*image)));
+}
+
+std::vector<MaskFinder::Index>& MaskFinder::mask_folders(const fs::path& place) {
+    const auto [it, is_new] = mask_folders_.try_emplace(place);
+    if (!is_new || !folder_exists(place)) return it->second;
+    std::vector<std::string> names{"masks", "mask", "sfm_masks"};
+    if (factor_ > 1) names.insert(names.begin(), fmt::format("masks_{}", factor_));
+    for (const std::string& name : names)
+        for (const fs::path& folder : entries_named(place, name))
+            if (folder_exists(folder)) it->second.emplace_back(folder, ImageFolder(folder).names());
+    return it->second;
+}
+
+const MaskFinder::Index& MaskFinder::beside(const fs::path& folder) {
+    if (const auto it = beside_.find(folder); it != beside_.end()) return it->second;
+    std::vector<std::string> files;
+    for (const fs::path& file : list_folder(folder)) {
+        const std::string name = file.filename().string();
+        const std::string relative = (folder.lexically_relative(root_) / name).lexically_normal().generic_string();
+        if (case_folded(name).find("mask") == std::string::npos || !has_image_extension(file)) continue;
+        if (!stems_.contains(case_folded(without_extension(relative))) || is_mask(relative)) files.push_back(name);
+    }
+    return beside_.emplace(folder, Index(folder, files)).first->second;
+}
+
+std::optional<MaskFile> MaskFinder::find(const std::string& name, const std::string& inner,
+                                         const fs::path& image_path) {
+    // The folders that may have a folder of masks, with the image's name below it.
+    std::vector<std::pair<fs::path, std::string>> places{{root_, inner}, {root_, name}};
+    for (fs::path folder = fs::path(name).parent_path(); folder.has_filename() && folder.filename() != "..";
+         folder = folder.parent_path()) {
+        const fs::path above = folder.parent_path();
+        // With siblings it would not be known whose masks these are.
+        if (children_[above.generic_string()].size() == 1)
+            places.emplace_back(root_ / above, fs::path(name).lexically_relative(folder).generic_string());
+    }
+    const auto with_mask = [](const std::string& stem) { return std::vector{stem + ".mask", stem + "_mask"}; };
+    for (const auto& [place, below] : places)
+        for (Index& folder : mask_folders(place))
+            for (const std::string& stem : {below, without_extension(below)}) {
+                std::vector<std::string> stems = with_mask(stem);
+                stems.insert(stems.begin(), stem);
+                for (const std::string& candidate : stems) {
+                    const std::optional<fs::path> found = folder.find(candidate, below);
+                    if (!found) continue;
+                    folder.used = true;
+                    return MaskFile{*found, false};
+                }
+            }
+    const Index& neighbours = beside(image_path.parent_path());
+    const std::string file = image_path.filename().string(), stem = without_extension(file);
+    for (const std::string& base : {file, stem})
+        for (const std::string& candidate : with_mask(base))
+            if (const auto found = neighbours.find(candidate, "")) return MaskFile{*found, false};
+    if (const auto found = neighbours.find("dynamic_mask_" + stem, "")) return MaskFile{*found, true};
     return {};
+}
+
+std::vector<fs::path> MaskFinder::unused() const {
+    std::vector<fs::path> folders;
+    for (const auto& [place, indices] : mask_folders_)
+        for (const Index& index : indices)
+            if (!index.used && !index.names.empty()) folders.push_back(index.folder);
+    return folders;
 }
 
 Image load_mask(const MaskFile& file, bool invert, int width, int height, int turn) {

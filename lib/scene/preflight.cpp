@@ -147,6 +147,20 @@ std::vector<std::string> Preflight::report(const std::string& where) const {
     return lines;
 }
 
+void note_mask_findings(const MaskFinder& masks, const std::vector<std::string>& listed_as_images, SourceScene& scene) {
+    if (!listed_as_images.empty())
+        scene.notes.push_back(
+            fmt::format("{} images are masks of others by their names: not taken for photographs ({})",
+                        listed_as_images.size(), listed(listed_as_images)));
+    if (std::any_of(scene.views.begin(), scene.views.end(), [](const SourceView& view) { return bool(view.mask); }))
+        return;
+    for (const std::filesystem::path& folder : masks.unused())
+        scene.notes.push_back(
+            fmt::format("{}: its files have the name of no image: not used as masks (the mask of left/a.jpg is "
+                        "left/a.jpg.png, left/a.png, or one of these with .mask or _mask before .png)",
+                        folder.string()));
+}
+
 void check_points(Scene& scene) {
     // Every reconstruction has some points just outside of the images, where lens distortion bent them in.
     constexpr double kFewPoints = 0.05;

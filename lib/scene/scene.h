@@ -53,6 +53,7 @@ struct View {
     std::size_t image_bytes = 0;  ///< expected bytes of `load()`, for the memory plan
     /// The index of the device that took it, 0..Scene::num_cameras-1; -1 = a device without training images
     int camera_id = 0;
+    std::string mask_file;  ///< where its mask comes from; empty without one
     /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty where the file does not say, or nobody asked
     /// (SceneOptions::exif).
     std::optional<double> exif_exposure;

@@ -16,6 +16,13 @@
 
 namespace gs {
 
+/// What a dataset says of one of its views.
+enum class ViewRole {
+    kTrain,
+    kTest,    ///< in the test set
+    kLeftOut  ///< neither trains nor tests
+};
+
 struct SourceView {
     std::string name;
     std::filesystem::path image_path;                        ///< exists and has a readable header
@@ -27,7 +34,7 @@ struct SourceView {
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
     int camera_id = 0;  ///< device that took it, as the dataset numbers them
     std::optional<MaskFile> mask;
-    bool given_test = false;  ///< the dataset assigns this view to its test set
+    ViewRole role = ViewRole::kTrain;
     /// Why the image cannot be read; empty if it can. Such a view counts for the split, and is then left out.
     std::string unreadable = {};
 };
@@ -42,6 +49,8 @@ struct SourceScene {
     std::string kind, image_folder;
     std::vector<SourceView> views;
     std::string given_split;  ///< name of the dataset's own split; empty if it has none
+    /// Whether the test views of that split train if none are held out (no --eval), as in 3DGS
+    bool test_views_train = false;
     /// The divisor by which the image folder is already scaled for SceneOptions::resolution; 1 = none
     int prescaled = 1;
     SourcePoints points;
@@ -85,16 +94,15 @@ class Preflight {
 /// scene.facts. `scene` needs its views, points and frame.
 void check_points(Scene& scene);
 
+/// Adds notes about masks: those that the dataset lists as images, and folders of masks whose names fit no image.
+void note_mask_findings(const MaskFinder& masks, const std::vector<std::string>& listed_as_images, SourceScene& scene);
+
 /// Loads the COLMAP scene in the folder `scene`, whose model lies in the folder `model`. Throws DataError.
 SourceScene load_colmap(const std::filesystem::path& scene, const std::filesystem::path& model,
                         const SceneOptions& options);
-/// Loads the folder that holds transforms_train.json.
-SourceScene load_nerf_synthetic(const std::filesystem::path& folder);
-/// Loads one transforms.json.
-SourceScene load_transforms(const std::filesystem::path& file);
-
-/// Reads the points of a PLY with x,y,z and, if present, red,green,blue (0..255 or, as float, 0..1). Points without
-/// colour are grey; non-finite points are left out.
-SourcePoints read_point_ply(const std::filesystem::path& path);
+/// Loads the folder that holds transforms_train.json. Throws DataError.
+SourceScene load_nerf_synthetic(const std::filesystem::path& folder, const SceneOptions& options);
+/// Loads one transforms.json. Throws DataError.
+SourceScene load_transforms(const std::filesystem::path& file, const SceneOptions& options);
 
 }  // namespace gs

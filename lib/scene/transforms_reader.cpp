@@ -228,8 +228,33 @@ bool read_frame(const Object& frame, const Object& file, TransformsFrame& out) {
     if (out.file_path.empty() || out.file_path.find('\0') != std::string::npos)
         frame.fail("file_path", "a file name", *frame.find("file_path"));
     if (const auto mask = frame.text("mask_path"); mask && !mask->empty()) out.mask_path = normal_path(*mask);
+    out.is_bad = frame.flag("is_bad");
     out.intrinsics = read_intrinsics(frame, file);
     return read_pose(frame, out);
+}
+
+/// Reads a list of frames. Leaves out those that cannot be used, and throws DataError if no other is in the list.
+/// Counts in `scaled` those whose matrix has a scale.
+void read_frames(const Object& file, const char* key, std::vector<TransformsFrame>& out, std::size_t& scaled,
+                 std::vector<std::string>& notes) {
+    const json& frames = file.required(key);
+    if (!frames.is_array()) file.fail(key, "a list", frames);
+    const std::string one = std::string(key).substr(0, std::string_view(key).size() - 1);
+    std::size_t unusable = 0;
+    std::string first_fault;
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+        try {
+            TransformsFrame item;
+            scaled += read_frame({frames[i], fmt::format("{}: {} {}", file.where(), one, i)}, file, item);
+            out.push_back(std::move(item));
+        } catch (const DataError& error) {
+            if (unusable++ == 0) first_fault = error.what();
+        }
+    }
+    if (unusable == 0) return;
+    if (out.empty()) throw DataError(first_fault);
+    notes.push_back(fmt::format("{} of {} {} are left out because they cannot be used (first: {})", unusable,
+                                frames.size(), key, first_fault));
 }
 
 /// Puts the words NaN and Infinity, which Python writes though they are no JSON, into quotes. A key that needs a number
@@ -271,26 +296,14 @@ TransformsFile read_transforms(const fs::path& path) {
     TransformsFile out;
     out.path = path;
     const Object file(root, path.string());
-    const json& frames = file.required("frames");
-    if (!frames.is_array()) file.fail("frames", "a list", frames);
-    std::size_t scaled = 0, unusable = 0;
-    std::string first_fault;
-    for (std::size_t i = 0; i < frames.size(); ++i) {
-        try {
-            TransformsFrame item;
-            scaled += read_frame({frames[i], fmt::format("{}: frame {}", path.string(), i)}, file, item);
-            out.frames.push_back(std::move(item));
-        } catch (const DataError& error) {
-            if (unusable++ == 0) first_fault = error.what();
-        }
-    }
-    if (unusable > 0 && out.frames.empty()) throw DataError(first_fault);
-    if (unusable > 0)
-        out.notes.push_back(fmt::format("{} of {} frames are left out because they cannot be used (first: {})",
-                                        unusable, frames.size(), first_fault));
+    std::size_t scaled = 0;
+    read_frames(file, "frames", out.frames, scaled, out.notes);
+    if (file.find("test_frames")) read_frames(file, "test_frames", out.test_frames, scaled, out.notes);
     if (scaled > 0)
         out.notes.push_back(fmt::format("{}: {} transform_matrix hold a scale: only rotation and position are used",
                                         path.string(), scaled));
+    out.train_filenames = read_names(file, "train_filenames");
+    out.val_filenames = read_names(file, "val_filenames");
     out.test_filenames = read_names(file, "test_filenames");
     if (const auto points = file.text("ply_file_path"); points && !points->empty())
         out.point_file = normal_path(*points);

@@ -24,6 +24,7 @@ struct TransformsIntrinsics {
 struct TransformsFrame {
     std::string file_path;  ///< as in the file, but with '/' and without leading "./"
     std::string mask_path;  ///< in the same form; empty if absent
+    bool is_bad = false;
     TransformsIntrinsics intrinsics;
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world, OpenCV axes
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
@@ -31,9 +32,10 @@ struct TransformsFrame {
 
 struct TransformsFile {
     std::filesystem::path path;
-    std::vector<TransformsFrame> frames;  ///< in the order of the file
-    /// The explicit test views of nerfstudio, named as in file_path; nothing without that key.
-    std::optional<std::vector<std::string>> test_filenames;
+    std::vector<TransformsFrame> frames;       ///< in the order of the file
+    std::vector<TransformsFrame> test_frames;  ///< those of the key test_frames (ScanNet++)
+    /// The explicit split of nerfstudio, named as in file_path; nothing without the key.
+    std::optional<std::vector<std::string>> train_filenames, val_filenames, test_filenames;
     std::string point_file;  ///< ply_file_path; empty if absent
     std::vector<std::string> notes;
 };

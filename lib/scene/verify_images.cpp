@@ -6,11 +6,13 @@
 
 #include <algorithm>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "lib/scene/source_scene.h"
 
 namespace gs {
 namespace {
@@ -30,6 +32,39 @@ std::string failures(const char* kind, const std::vector<std::string>& errors) {
                        *std::find_if(errors.begin(), errors.end(), failed), count > 1 ? "; ..." : "");
 }
 
+/// Returns the largest weight that the mask of a view gives a pixel, 0..1. With MaskMode::kTransparent it is in the
+/// alpha channel.
+float largest_weight(const ViewImage& image) {
+    if (image.mask) return float(*std::max_element(image.mask->u8.begin(), image.mask->u8.end())) / 255.0f;
+    float largest = 0;
+    for (int y = 0; y < image.color.height; ++y)
+        for (int x = 0; x < image.color.width; ++x) largest = std::max(largest, image.color.value(x, y, 3));
+    return largest;
+}
+
+/// Names the masks by which an image counts little or not at all. `weights` are the largest ones of `views`; nothing
+/// for views without a mask, and for those that cannot be decoded.
+void note_dark_masks(const std::vector<const View*>& views, const std::vector<std::optional<float>>& weights,
+                     std::vector<std::string>& notes) {
+    constexpr float kDark = 0.5f;  // white is 1
+    std::vector<std::string> black, dark;
+    std::size_t masks = 0;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        masks += !views[i]->mask_file.empty();
+        if (weights[i] && *weights[i] < kDark) (*weights[i] > 0 ? dark : black).push_back(views[i]->mask_file);
+    }
+    if (!black.empty())
+        notes.push_back(
+            fmt::format("{} of {} masks are all black, or all white with --invert-masks: nothing is learned "
+                        "from their images ({})",
+                        black.size(), masks, listed(black)));
+    if (!dark.empty())
+        notes.push_back(
+            fmt::format("{} of {} masks are dark all over: their images count little, for only white has "
+                        "full weight ({})",
+                        dark.size(), masks, listed(dark)));
+}
+
 }  // namespace
 
 void verify_images(Scene& scene, std::size_t keep_bytes,
@@ -40,14 +75,18 @@ void verify_images(Scene& scene, std::size_t keep_bytes,
     std::vector<std::string> train_errors(scene.train.size()), test_errors(scene.test.size());
     const std::int64_t num_train = std::int64_t(scene.train.size()),
                        total = num_train + std::int64_t(scene.test.size());
+    std::vector<const View*> views(static_cast<std::size_t>(total));
+    std::vector<std::optional<float>> weights(views.size());
     std::mutex mutex;
     std::int64_t done = 0;
     parallel_for(total, [&](std::int64_t i) {
         const bool train = i < num_train;
         const std::size_t k = std::size_t(train ? i : i - num_train);
         View& view = (train ? scene.train : scene.test)[k];
+        views[std::size_t(i)] = &view;
         try {
             auto image = view_image(view);
+            if (!view.mask_file.empty()) weights[std::size_t(i)] = largest_weight(*image);
             if (train ? keep_train : keep_test) view.decoded = std::move(image);
         } catch (const DataError& error) {
             (train ? train_errors : test_errors)[k] = error.what();
@@ -55,6 +94,7 @@ void verify_images(Scene& scene, std::size_t keep_bytes,
         const std::lock_guard lock(mutex);
         progress(++done, total);
     });
+    note_dark_masks(views, weights, scene.notes);
     if (const std::string text = failures("test", test_errors); !text.empty())
         throw DataError(scene.source + ": " + text +
                         ": scores without them would not be comparable; repair the files, or take the views out of "

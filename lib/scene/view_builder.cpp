@@ -86,6 +86,7 @@ View ViewBuilder::build(const SourceView& source) {
     view.name = source.name;
     view.camera = camera;
     view.camera_id = source.camera_id;
+    if (source.mask) view.mask_file = source.mask->path.string();
     view.image_bytes =
         std::size_t(width) * height * ((alpha ? 4 : 3) * (source.info.float_data ? 4 : 1) + (mask ? 1 : 0));
     view.load = std::move(job);

@@ -86,6 +86,8 @@ TEST(ExitCode, MissingSceneIsADatasetErrorAndLeavesNothing) {
     const Program program;
     expect_refusal(program, "train -s nowhere -m run", 3, "nowhere");
     expect_refusal(program, "train -s .", 3, "");
+    program.folder().write("transforms.json", "{\"frames\": []}");
+    expect_refusal(program, "train -s . -i pictures -m run", 3, "image folder 'pictures' does not exist");
     EXPECT_FALSE(std::filesystem::exists(program.path("run")));
     EXPECT_FALSE(std::filesystem::exists(program.path("output")));
 }

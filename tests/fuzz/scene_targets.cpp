@@ -86,6 +86,14 @@ std::string point_ply() {
     });
 }
 
+// Everything that a PLY may hold around its vertices.
+const std::string kPointsText =
+    "ply\nformat ascii 1.0\ncomment x\nelement camera 1\nproperty float focal\nproperty list uchar short pixels\n"
+    "element vertex 2\nproperty double x\nproperty float y\nproperty list uchar int tracks\nproperty short z\n"
+    "property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\nelement face 1\n"
+    "property list uchar int vertex_indices\nend_header\n1.5 2 7 8\n1 2 0 3 0.1 0.2 0.3\n-1e3 nan 1 7 4 1 1 1\n3 0 1 "
+    "1\n";
+
 }  // namespace
 
 std::vector<Target> scene_targets() {
@@ -106,9 +114,10 @@ std::vector<Target> scene_targets() {
          [] {
              return std::vector<std::string>{
                  R"({"fl_x": 20.0, "fl_y": 21, "cx": 8, "cy": 6.5, "w": 16, "h": 12, "k1": -0.1, "k2": 0.01, "p1": 0.001,
-"p2": 0, "camera_model": "OPENCV", "ply_file_path": "p.ply", "test_filenames": ["images/b"], "frames": [
+"p2": 0, "camera_model": "OPENCV", "ply_file_path": "p.ply", "test_filenames": ["images/b"], "val_filenames": [], "train_filenames": ["a.png"],
+"test_frames": [], "frames": [
 {"file_path": "images/a.png", "transform_matrix": [[1,0,0,0.5],[0,1,0,0],[0,0,1,4],[0,0,0,1]]},
-{"file_path": "images/b", "fl_x": 19, "transform_matrix": [[0,-1,0,0],[1,0,0,1.5],[0,0,1,4]]},
+{"file_path": "images/b", "fl_x": 19, "is_bad": false, "transform_matrix": [[0,-1,0,0],[1,0,0,1.5],[0,0,1,4]]},
 {"file_path": "./c.png", "mask_path": "m.png", "camera_angle_x": 0.8,
  "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,5],[0,0,0,1]]}]})",
                  R"({"camera_angle_x": 0.69, "frames": [{"file_path": "./train/r_0", "rotation": 0.01,
@@ -125,8 +134,16 @@ std::vector<Target> scene_targets() {
          read_description},
         {"test_list.txt", [] { return std::vector<std::string>{"# held out\na.png\n\nleft/b\r\nc d.png \n"}; },
          read_names},
-        {"points.ply", [] { return std::vector{point_ply()}; },
-         [](const std::string& bytes) { read_point_ply(put("points.ply", bytes)); }},
+        {"points.ply",
+         [] {
+             std::string swapped = point_ply();
+             swapped.replace(swapped.find("little"), 6, "big");
+             return std::vector{point_ply(), swapped, kPointsText};
+         },
+         [](const std::string& bytes) {
+             std::vector<std::string> notes;
+             read_point_ply(put("points.ply", bytes), notes);
+         }},
     };
 }
 

@@ -113,6 +113,24 @@ TEST(FindImages, AnotherSpellingIsNoOtherPlace) {
     EXPECT_TRUE(mentions(images.facts, "(first: 'images/a.png' is images/A.png)"));
 }
 
+TEST(NameIndex, FindsTheNameThatDiffersLeast) {
+    const NameIndex index({"a.png", "left/a.png", "right/a.png", "right/b", "left/c.png", "right/c.png"});
+    bool ambiguous = false;
+    const auto at = [&](const std::string& name) {
+        const auto match = index.find(name, ambiguous);
+        return match ? int(match->index) : -1;
+    };
+    EXPECT_EQ(at("a.png"), 0) << "the very name";
+    EXPECT_EQ(at("a"), 0) << "the same folders";
+    EXPECT_EQ(at("right/a"), 2);
+    EXPECT_EQ(at("b.jpg"), 3);
+    EXPECT_EQ(at("t/a.png"), 0);
+    EXPECT_EQ(at("t/b"), -1) << "folders are compared whole";
+    EXPECT_FALSE(ambiguous);
+    EXPECT_EQ(at("c.png"), -1);
+    EXPECT_TRUE(ambiguous) << "two names fit";
+}
+
 TEST(FindImages, AbsoluteNamesOfThisMachineAreTakenWhereNamesMayLeaveTheFolder) {
     TempFolder folder;
     touch(folder, {"elsewhere/a.jpg", "scene/images/a.jpg"});

@@ -16,30 +16,6 @@ namespace {
 
 using namespace test;
 
-SceneOptions at(const std::filesystem::path& source, bool eval = false) {
-    SceneOptions options;
-    options.source = source.string();
-    options.eval = eval;
-    options.frame = Frame{};  // these tests state scene coordinates; frame_test.cpp has the scene's own frame
-    return options;
-}
-
-std::string error_of(const SceneOptions& options) {
-    return message_of<DataError>([&] { load_scene(options); });
-}
-
-std::vector<std::string> names_of(const std::vector<View>& views) {
-    std::vector<std::string> names;
-    for (const View& view : views) names.push_back(view.name);
-    return names;
-}
-
-std::vector<std::string> numbered(int count) {
-    std::vector<std::string> names;
-    for (int i = 0; i < count; ++i) names.push_back(std::string(1, char('a' + i)) + ".png");
-    return names;
-}
-
 TEST(LoadScene, ColmapSceneIsSortedByNameAndLoads) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"sub/b c.png", "a.png", "Z.png"});
@@ -378,11 +354,6 @@ TEST(LoadScene, RgbaPhotographsFollowTheAlphaMode) {
     EXPECT_EQ(scene.train[0].load().color.bytes() + 16 * 12, scene.train[0].image_bytes);
 }
 
-std::string frame(const std::string& path, double x = 0) {
-    return "{\"file_path\": \"" + path + "\", \"transform_matrix\": [[1,0,0," + std::to_string(x) +
-           "],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}";
-}
-
 void write_nerf_synthetic(const TempFolder& folder) {
     spit(folder / "transforms_train.json",
          "{\"camera_angle_x\": 0.8, \"frames\": [" + frame("./train/r_1") + "," + frame("./train/r_0", 1) + "]}");
@@ -441,6 +412,149 @@ TEST(LoadScene, TransformsWithExplicitSplit) {
     const Scene scene = load_scene(at(folder.path(), true));
     EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"images/b.png"}));
     EXPECT_NE(scene.split_rule.find("test_filenames"), std::string::npos);
+}
+
+TEST(LoadScene, MasksOfATransformsFileAreStatedOrFoundByName) {
+    TempFolder folder;
+    const std::vector<std::string> names{"images/front/a.png", "images/front/b.png", "images/back/a.png"};
+    write_transforms_scene(folder.path(), names);
+    write_png(folder / "masks/front/a.jpg");
+    Scene scene = load_scene(at(folder.path()));
+    EXPECT_TRUE(mentions(scene.facts,
+                         "masks: 1 of 3 images have one, the first is " + (folder / "masks/front/a.jpg").string()));
+    EXPECT_TRUE(mentions(scene.notes, "2 of 3 images have no mask: used whole"));
+    spit(folder / "transforms.json", "{\"fl_x\": 20, \"frames\": [" +
+                                         frame(names[0], 0, ", \"mask_path\": \"gone/a.png\"") + "," +
+                                         frame(names[1], 1, ", \"mask_path\": \"gone/b.png\"") + "," +
+                                         frame(names[2], 2, ", \"mask_path\": null") + "]}");
+    scene = load_scene(at(folder.path()));
+    EXPECT_TRUE(mentions(scene.notes,
+                         "2 of 2 files that mask_path names do not exist (gone/a.png, gone/b.png); "
+                         "1 masks are found by the image's name"));
+    EXPECT_TRUE(mentions(scene.facts, "masks: 1 of 3 images have one"));
+    std::filesystem::remove_all(folder / "masks");
+    scene = load_scene(at(folder.path()));
+    EXPECT_TRUE(mentions(scene.notes, "(gone/a.png, gone/b.png): their images are used whole"));
+    EXPECT_FALSE(mentions(scene.facts, "masks:"));
+    EXPECT_EQ(scene.train.size(), 3u);
+    EXPECT_FALSE(scene.train[0].load().mask);
+}
+
+TEST(LoadScene, MasksAreFoundByTheFilesOfImagesHoweverTheDatasetSpellsThem) {
+    TempFolder folder;
+    const std::string composed = "K\xC3\xBC.png", decomposed = "Ku\xCC\x88.png";
+    write_model(folder / "sparse/0", {TestCamera{}}, row_of_images({"C:\\shoot\\Left\\A.JPG", composed}), {});
+    write_png(folder / "images/left/a.png");
+    write_png(folder / "images" / decomposed);
+    write_png(folder / "masks/left/a.png");
+    write_png(folder / "masks" / composed);
+    const Scene scene = load_scene(at(folder.path()));
+    ASSERT_EQ(scene.train.size(), 2u);
+    EXPECT_TRUE(scene.train[0].load().mask);
+    EXPECT_TRUE(scene.train[1].load().mask);
+}
+
+TEST(LoadScene, MasksBesidePhotographsAreNotTakenForThem) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png", "a.png.mask.png", "b.png"});
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"a.png", "b.png"}));
+    EXPECT_TRUE(scene.train[0].load().mask);
+    EXPECT_TRUE(mentions(scene.notes, "1 images are masks of others by their names"));
+    // The pre-scaled folder has other names and no masks.
+    write_png(folder / "images_2/0.png", 8, 6);
+    write_png(folder / "images_2/1.png", 8, 6);
+    SceneOptions options = at(folder.path());
+    options.resolution = 2;
+    EXPECT_EQ(names_of(load_scene(options).train), (std::vector<std::string>{"a.png", "b.png"}));
+}
+
+TEST(LoadScene, MasksWhoseNamesFitNoImageAreNoted) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png"});
+    write_png(folder / "masks/0001.png");
+    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes,
+                         (folder / "masks").string() + ": its files have the name of no image"));
+}
+
+TEST(LoadScene, MasksOfAnotherShapeAreNoted) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png", "b.png"});
+    write_png(folder / "masks/a.png", 8, 6);
+    write_png(folder / "masks/b.png", 8, 12);
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_TRUE(mentions(scene.notes, "1 masks have another shape than their images: stretched"));
+    EXPECT_TRUE(mentions(scene.notes, "masks/b.png is 8x12, b.png 16x12"));
+    EXPECT_EQ(scene.train[0].load().mask->width, 16);
+}
+
+TEST(LoadScene, OpaquePhotographsWithAlphaKeepTheirMasks) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png"});
+    write_png(folder / "images/a.png", 16, 12, 4);
+    std::filesystem::create_directories(folder / "masks");
+    write_image(folder / "masks/a.png", Image{16, 12, 3, std::vector<std::uint8_t>(16 * 12 * 3, 255), {}});
+    SceneOptions options = at(folder.path());
+    for (const AlphaMode mode : {AlphaMode::kTransparent, AlphaMode::kMask}) {
+        options.alpha_mode = mode;
+        const ViewImage image = load_scene(options).train[0].load();
+        ASSERT_TRUE(image.mask);
+        EXPECT_EQ(image.mask->u8[0], 255);
+    }
+}
+
+TEST(LoadScene, AnImageFolderThatDoesNotExistIsRefusedForEveryKindOfScene) {
+    TempFolder colmap, synthetic, transforms;
+    write_colmap_scene(colmap.path(), {"a.png"});
+    write_png(colmap / "images_4/a.png", 4, 3);
+    write_nerf_synthetic(synthetic);
+    write_transforms_scene(transforms.path(), {"images/a.png"});
+    const auto error_with = [](const std::filesystem::path& source) {
+        SceneOptions options = at(source);
+        options.images = "pictures";
+        return error_of(options);
+    };
+    EXPECT_CONTAINS(error_with(colmap.path()),
+                    "image folder 'pictures' does not exist; folders with images are images, images_4");
+    EXPECT_CONTAINS(error_with(synthetic.path()), "'pictures' does not exist; folders with images are test, train");
+    EXPECT_CONTAINS(error_with(transforms / "transforms.json"), "folders with images are images");
+    SceneOptions options = at("builtin:diffuse");
+    options.images = "pictures";
+    EXPECT_CONTAINS(message_of<UsageError>([&] { load_scene(options); }), "--images pictures");
+}
+
+TEST(LoadScene, AnotherImageFolderCountsForTransformsToo) {
+    TempFolder folder;
+    write_transforms_scene(folder.path(), {"images/left/a.png", "images/b.png"});
+    write_png(folder / "images_2/left/a.png", 8, 6);
+    write_png(folder / "images_2/b.png", 8, 6);
+    SceneOptions options = at(folder.path());
+    options.images = "images_2";
+    const Scene scene = load_scene(options);
+    EXPECT_EQ(scene.image_folder, "images_2");
+    EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"images/b.png", "images/left/a.png"}));
+    EXPECT_EQ(scene.train[1].camera.width, 8);
+}
+
+TEST(LoadScene, AnotherImageFolderOfTransformsHoldsFilesHoweverNamesAreSpelled) {
+    TempFolder folder;
+    write_transforms_scene(folder.path(), {"images/a.png", "images/b.png", "images/left/c.png"});
+    write_png(folder / "small/A.png", 8, 6);
+    write_png(folder / "small/b.png", 8, 6);
+    std::filesystem::rename(folder / "small/b.png", folder / "small/b.jpg");
+    write_png(folder / "small/left/c.png", 8, 6);
+    SceneOptions options = at(folder.path());
+    options.images = "small";
+    Scene scene = load_scene(options);
+    ASSERT_EQ(scene.train.size(), 3u);
+    for (const View& view : scene.train) EXPECT_EQ(view.camera.width, 8);
+    EXPECT_FALSE(mentions(scene.notes, "another place")) << "the folder was asked for";
+    // Absolute names do not lead back to the files that they are of.
+    spit(folder / "transforms.json",
+         "{\"fl_x\": 20, \"frames\": [" + frame((folder / "images/left/c.png").string()) + "]}");
+    scene = load_scene(options);
+    ASSERT_EQ(scene.train.size(), 1u);
+    EXPECT_EQ(scene.train[0].camera.width, 8);
 }
 
 TEST(LoadScene, UnknownSourcesAreErrorsWithAHint) {

@@ -9,18 +9,43 @@ namespace {
 
 using namespace test;
 
+/// Finds the mask of one image of a COLMAP scene whose images lie in images/.
+std::optional<MaskFile> find_mask(const TempFolder& folder, const std::string& image, int factor = 1) {
+    std::vector<std::string> names{"images/left/a.jpg", "images/right/a.jpg", "images/a.jpg", "images/b.jpg"};
+    for (const std::string& name : names) spit(folder / name, "x");
+    MaskFinder masks(folder.path(), names, factor);
+    return masks.find("images/" + image, image, folder / ("images/" + image));
+}
+
 TEST(FindMask, EveryPlaceAndNamingIsFound) {
-    for (const char* place : {"masks/left/a.jpg.png", "masks/left/a.jpg", "masks/left/a.png", "masks/left/a.mask.png",
-                              "masks/left/a.tif", "mask/left/a.png", "sfm_masks/left/a.jpg.png"}) {
+    for (const char* place :
+         {"masks/left/a.jpg.png", "masks/left/a.jpg", "masks/left/a.png", "masks/left/a.mask.png", "masks/left/a.tif",
+          "mask/left/a.png", "sfm_masks/left/a.jpg.png", "masks/left/a.jpg.mask.png", "masks/left/a_mask.png",
+          "masks/left/a.jpg_mask.png", "masks/left/a.JPG.Mask.PNG", "masks/left/a_MASK.jpeg", "Masks/left/a.JPG",
+          "MASK/LEFT/A.png", "images/left/a.jpg.mask.png", "images/left/a_mask.png", "images/left/a.mask.PNG",
+          "masks/images/left/a.png"}) {
         TempFolder folder;
         spit(folder / place, "x");
-        const auto mask = find_mask(folder.path(), "left/a.jpg", folder / "images/left/a.jpg", 1);
+        const auto mask = find_mask(folder, "left/a.jpg");
         ASSERT_TRUE(mask) << place;
         EXPECT_EQ(mask->path, folder / place);
         EXPECT_FALSE(mask->inverted);
-        EXPECT_FALSE(find_mask(folder.path(), "right/a.jpg", folder / "images/right/a.jpg", 1))
-            << "sub-folders must match";
+        EXPECT_FALSE(find_mask(folder, "right/a.jpg")) << "sub-folders must match: " << place;
+        EXPECT_FALSE(find_mask(folder, "b.jpg")) << place;
     }
+}
+
+TEST(FindMask, AFolderOfMasksLiesBesideThatOfItsImages) {
+    TempFolder folder;
+    const std::vector<std::string> names{"cam0/images/a.png", "cam1/images/a.png", "train/c.png", "test/c.png"};
+    for (const std::string& name : names) spit(folder / name, "x");
+    for (const char* mask : {"cam0/masks/a.png", "masks/c.png"}) spit(folder / mask, "x");
+    MaskFinder masks(folder.path(), names, 1);
+    const auto find = [&](const std::string& name) { return masks.find(name, name, folder / name); };
+    EXPECT_EQ(find(names[0])->path, folder / "cam0/masks/a.png");
+    EXPECT_FALSE(find(names[1]));
+    EXPECT_FALSE(find(names[2])) << "it could be that of the image in test/";
+    EXPECT_EQ(masks.unused(), std::vector{folder / "masks"});
 }
 
 TEST(FindMask, OrderIsColmapNameFirstAndScaledFolderBeforeAll) {
@@ -28,18 +53,31 @@ TEST(FindMask, OrderIsColmapNameFirstAndScaledFolderBeforeAll) {
     spit(folder / "masks/a.png", "x");
     spit(folder / "masks/a.jpg.png", "x");
     spit(folder / "masks_4/a.png", "x");
-    EXPECT_EQ(find_mask(folder.path(), "a.jpg", folder / "images/a.jpg", 1)->path, folder / "masks/a.jpg.png");
-    EXPECT_EQ(find_mask(folder.path(), "a.jpg", folder / "images_4/a.jpg", 4)->path, folder / "masks_4/a.png");
-    EXPECT_EQ(find_mask(folder.path(), "a.jpg", folder / "images_2/a.jpg", 2)->path, folder / "masks/a.jpg.png");
+    EXPECT_EQ(find_mask(folder, "a.jpg")->path, folder / "masks/a.jpg.png");
+    EXPECT_EQ(find_mask(folder, "a.jpg", 4)->path, folder / "masks_4/a.png");
+    EXPECT_EQ(find_mask(folder, "a.jpg", 2)->path, folder / "masks/a.jpg.png");
+    spit(folder / "masks/A.jpg.png", "x");
+    EXPECT_EQ(find_mask(folder, "a.jpg")->path, folder / "masks/a.jpg.png") << "the name as it is spelt goes first";
+}
+
+TEST(FindMask, PhotographsWithMaskInTheirNamesAreNoMasks) {
+    TempFolder folder;
+    const std::vector<std::string> names{"images/a.jpg", "images/a_mask.jpg", "images/b.jpg", "images/b.jpg.mask.png"};
+    for (const std::string& name : names) spit(folder / name, "x");
+    MaskFinder masks(folder.path(), names, 1);
+    EXPECT_FALSE(masks.find("images/a.jpg", "a.jpg", folder / "images/a.jpg"));
+    EXPECT_TRUE(masks.find("images/b.jpg", "b.jpg", folder / "images/b.jpg"));
+    EXPECT_TRUE(masks.is_mask("images/b.jpg.mask.png"));
+    EXPECT_FALSE(masks.is_mask("images/a_mask.jpg"));
 }
 
 TEST(FindMask, DynamicMaskLiesBesideTheImageAndIsInverted) {
     TempFolder folder;
     spit(folder / "images/dynamic_mask_a.png", "x");
-    const auto mask = find_mask(folder.path(), "a.jpg", folder / "images/a.jpg", 1);
+    const auto mask = find_mask(folder, "a.jpg");
     ASSERT_TRUE(mask);
     EXPECT_TRUE(mask->inverted);
-    EXPECT_FALSE(find_mask(folder.path(), "b.jpg", folder / "images/b.jpg", 1));
+    EXPECT_FALSE(find_mask(folder, "b.jpg"));
 }
 
 TEST(LoadMask, InvertsAndResizes) {

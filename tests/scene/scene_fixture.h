@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "kernels/core/error.h"
 #include "lib/io/image.h"
+#include "lib/scene/scene.h"
 #include "tests/io/file_helpers.h"
 
 namespace gs::test {
@@ -123,6 +125,49 @@ inline void write_colmap_scene(const std::filesystem::path& scene, const std::ve
     write_model(scene / "sparse/0", {TestCamera{}}, row_of_images(names),
                 {{1, 0, 0, 0, 255, 128, 0, 2}, {2, 0.5, 0.2, 0, 0, 0, 255, 1}, {7, -0.5, -0.2, 0.3, 9, 9, 9, 0}});
     for (const std::string& name : names) write_png(scene / "images" / name);
+}
+
+/// Options for a scene whose frame is that of its files.
+inline SceneOptions at(const std::filesystem::path& source, bool eval = false) {
+    SceneOptions options;
+    options.source = source.string();
+    options.eval = eval;
+    options.frame = Frame{};  // tests state scene coordinates; frame_test.cpp has the scene's own frame
+    return options;
+}
+
+inline std::string error_of(const SceneOptions& options) {
+    return message_of<DataError>([&] { load_scene(options); });
+}
+
+inline std::vector<std::string> names_of(const std::vector<View>& views) {
+    std::vector<std::string> names;
+    for (const View& view : views) names.push_back(view.name);
+    return names;
+}
+
+/// The names a.png, b.png, ...
+inline std::vector<std::string> numbered(int count) {
+    std::vector<std::string> names;
+    for (int i = 0; i < count; ++i) names.push_back(std::string(1, char('a' + i)) + ".png");
+    return names;
+}
+
+/// One frame of a transforms.json, with further keys in `more` (", key: value").
+inline std::string frame(const std::string& path, double x = 0, const std::string& more = "") {
+    return "{\"file_path\": \"" + path + "\", \"transform_matrix\": [[1,0,0," + std::to_string(x) +
+           "],[0,1,0,0],[0,0,1,4],[0,0,0,1]]" + more + "}";
+}
+
+/// Writes a transforms.json of these images (16x12) with further keys in `more` ("key: value, "), and the images.
+inline void write_transforms_scene(const std::filesystem::path& scene, const std::vector<std::string>& names,
+                                   const std::string& more = "") {
+    std::string frames;
+    for (const std::string& name : names) {
+        frames += (frames.empty() ? "" : ",\n") + frame(name, double(frames.size()) / 1000);
+        write_png(scene / name);
+    }
+    spit(scene / "transforms.json", "{\"fl_x\": 20, " + more + "\"frames\": [" + frames + "]}");
 }
 
 inline bool mentions(const std::vector<std::string>& notes, const std::string& part) {

@@ -93,6 +93,25 @@ TEST_F(VerifyImages, DamagedMaskIsFound) {
     EXPECT_CONTAINS(scene.notes.back(), "masks/b.png");
 }
 
+TEST_F(VerifyImages, MasksThatLeaveNothingOrLittleAreNamedAndCounted) {
+    const auto write_mask = [&](const std::string& name, std::uint8_t value) {
+        std::filesystem::create_directories(folder_ / "masks");
+        write_image(folder_ / "masks" / name, Image{64, 48, 3, std::vector<std::uint8_t>(64 * 48 * 3, value), {}});
+    };
+    write_mask("b.png", 0), write_mask("c.png", 255), write_mask("d.png", 3), write_mask("e.png", 0);
+    for (const MaskMode mode : {MaskMode::kIgnore, MaskMode::kTransparent}) {
+        SceneOptions options;
+        options.source = folder_.path().string();
+        options.mask_mode = mode;
+        Scene scene = load_scene(options);
+        verify(scene);
+        EXPECT_TRUE(mentions(scene.notes, "2 of 4 masks are all black")) << scene.notes.back();
+        EXPECT_TRUE(mentions(scene.notes, "masks/b.png, " + (folder_ / "masks/e.png").string()));
+        EXPECT_TRUE(mentions(scene.notes, "1 of 4 masks are dark all over"));
+        EXPECT_EQ(scene.train.size(), 10u);
+    }
+}
+
 TEST_F(VerifyImages, NothingIsDecodedTwiceWhereAllFits) {
     Scene scene = load(true);
     const Image first = scene.train[0].load().color;
