@@ -14,6 +14,7 @@
 #include "lib/io/image.h"
 #include "lib/io/orientation.h"
 #include "lib/scene/image_files.h"
+#include "lib/scene/masks.h"
 
 namespace gs {
 namespace {
@@ -36,14 +37,21 @@ Photographs find_photographs(const fs::path& images) {
         if (std::error_code ignored; !it->is_regular_file(ignored)) continue;
         const fs::path name = it->path().lexically_relative(images);
         // Side files, as "1.jpg_original" of exiftool and raw photographs, may have an orientation, too.
-        if (!has_image_extension(name)) {
+        if (has_image_extension(name))
+            found.names.push_back(name.generic_string());
+        else
             found.others.push_back(name);
-            continue;
-        }
-        found.names.push_back(name.generic_string());
+    }
+    if (error) throw DataError(fmt::format("{}: cannot be read: {}", images.string(), error.message()));
+    const MaskFinder finder(images, found.names, 1);
+    const auto masks = std::stable_partition(found.names.begin(), found.names.end(),
+                                             [&](const std::string& name) { return !finder.is_mask(name); });
+    found.masks.assign(masks, found.names.end());
+    found.names.erase(masks, found.names.end());
+    for (const std::string& name : found.names) {
         bool turned = false;
         try {
-            const ImageInfo info = read_image_info(it->path());
+            const ImageInfo info = read_image_info(images / name);
             turned = info.orientation != 1;
             found.stored_sizes.insert({info.width, info.height});
             const bool quarter = is_quarter_turn(info.orientation);
@@ -53,7 +61,6 @@ Photographs find_photographs(const fs::path& images) {
         }
         (turned ? found.turned : found.others).push_back(name);
     }
-    if (error) throw DataError(fmt::format("{}: cannot be read: {}", images.string(), error.message()));
     std::vector<std::string> facts;
     ImageFolder(images).tell_unread(found.notes, facts);
     if (found.stored_sizes.empty())

@@ -13,6 +13,7 @@ namespace gs {
 /// The files of a folder of photographs, by path relative to it.
 struct Photographs {
     std::vector<std::string> names;  ///< files with the extension of an image, readable or not, sorted
+    std::vector<std::string> masks;  ///< masks of photographs by their names, as "1.jpg.mask.png"; not among the others
     std::set<std::pair<int, int>> stored_sizes, upright_sizes;  ///< width and height, pixels
     std::vector<std::string> notes;                             ///< about photographs in formats that are not read
     /// Photographs whose EXIF orientation is not 1; all other files.

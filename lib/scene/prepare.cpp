@@ -116,9 +116,13 @@ class Preparation {
         return frames;
     }
 
-    /// Returns the folder of photographs for colmap: that which is given, or upright copies of it.
+    /// Returns the folder of photographs for colmap: that which is given, or a copy of it if some are to be turned
+    /// upright or are masks.
     fs::path provide_upright(const fs::path& given, const Photographs& photographs) {
         const std::size_t turned = photographs.turned.size(), all = photographs.names.size();
+        if (!photographs.masks.empty())
+            log_warning("{} masks beside the photographs ({}, ...) are not given to colmap, and the scene has none",
+                        photographs.masks.size(), photographs.masks[0]);
         turns_ = photographs.should_turn();
         if (turns_) {
             log_info("{} of {} photographs have an EXIF orientation, which colmap ignores: it gets upright copies",
@@ -131,7 +135,12 @@ class Preparation {
                 "{} of {} photographs have an EXIF orientation, which colmap ignores: they stay on their side, so "
                 "that all share one camera; only the pictures of the run look turned",
                 turned, all);
-        return given;
+        if (photographs.masks.empty()) return given;
+        Photographs as_stored = photographs;
+        as_stored.others.insert(as_stored.others.end(), as_stored.turned.begin(), as_stored.turned.end());
+        as_stored.turned.clear();
+        write_upright(given, as_stored, work_ / "photographs");
+        return work_ / "photographs";
     }
 
     /// Returns the option of `command` that says whether it computes on the GPU, with its value.

@@ -265,6 +265,15 @@ TEST_F(Prepare, SideFilesWithAnOrientationAreNoPhotographs) {
     EXPECT_NE(calls().find("--ImageReader.single_camera 1"), std::string::npos) << "their sizes do not count";
 }
 
+TEST_F(Prepare, MasksBesidePhotographsAreNotGivenToColmap) {
+    test::write_tagged(photographs() / "a.png.mask.png", 3, 2, 1);
+    EXPECT_EQ(failure(), "");
+    const fs::path seen = folder_.path() / "calls.seen";
+    EXPECT_FALSE(fs::exists(seen / "a.png.mask.png"));
+    EXPECT_EQ(text_of(seen / "a.png"), text_of(photographs() / "a.png"));
+    EXPECT_NE(calls().find("--ImageReader.single_camera 1"), std::string::npos) << "its size does not count";
+}
+
 TEST_F(Prepare, UprightAndLevelPhotographsOfOneDeviceStillShareOneCamera) {
     test::write_tagged(photographs() / "turned.jpg", 8, 6, 6);
     prepare();
