@@ -65,7 +65,8 @@ void describe_scene(const Scene& scene) {
             "trained in a frame of the usual size: centre ({:.9g}, {:.9g}, {:.9g}), scale {:.6g}; what is written is "
             "in the scene's own coordinates",
             scene.frame.center.x(), scene.frame.center.y(), scene.frame.center.z(), scene.frame.scale);
-    for (const std::string& fact : scene.facts) log_debug("{}", fact);
+    // Few scenes have any: masks, another folder or file than usual. Nobody asked for them, and they change the model.
+    for (const std::string& fact : scene.facts) log_info("{}", fact);
     for (const std::string& note : scene.notes) log_warning("{}", note);
 }
 

@@ -176,10 +176,9 @@ void check_points(Scene& scene) {
             "none of the {} points projects into an image: kept, but poses and points do not fit together", count));
         return;
     }
-    if (counts.unseen > 0)
-        (double(counts.unseen) > kFewPoints * double(count) ? scene.notes : scene.facts)
-            .push_back(fmt::format("{} of {} points project into no image: kept, but no image moves them",
-                                   counts.unseen.load(), count));
+    if (double(counts.unseen) > kFewPoints * double(count))
+        scene.notes.push_back(fmt::format("{} of {} points project into no image: kept, but no image moves them",
+                                          counts.unseen.load(), count));
     if (counts.clipped > 0) {
         const CameraParams<double> planes{};
         scene.notes.push_back(fmt::format(

@@ -89,9 +89,9 @@ class Preflight {
     std::set<std::string> names_, unreadable_names_;
 };
 
-/// Adds one line each about points that no image shows, points that are only before the near or behind the far plane of
-/// the images that show them, and cameras that see no point: to scene.notes, a few points that no image shows to
-/// scene.facts. `scene` needs its views, points and frame.
+/// Adds one line each to scene.notes about points that no image shows (more than 5 %), points that are only before the
+/// near or behind the far plane of the images that show them, and cameras that see no point. `scene` needs its views,
+/// points and frame.
 void check_points(Scene& scene);
 
 /// Adds notes about masks: those that the dataset lists as images, and folders of masks whose names fit no image.
