@@ -2,6 +2,7 @@
 // Readers of datasets.
 #include "lib/io/ply_file.h"
 #include "lib/scene/colmap_reader.h"
+#include "lib/scene/point_files.h"
 #include "lib/scene/procedural_description.h"
 #include "lib/scene/scene.h"
 #include "lib/scene/source_scene.h"
