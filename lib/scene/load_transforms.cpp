@@ -31,6 +31,11 @@ fs::path common_folder(const std::vector<std::string>& names) {
     return common;
 }
 
+/// Returns the folder of a file of transforms, "." for one in the working folder.
+fs::path folder_of(const TransformsFile& file) {
+    return file.path.has_parent_path() ? file.path.parent_path() : fs::path(".");
+}
+
 /// The frames of one file, with their roles.
 struct FrameList {
     const TransformsFile& file;
@@ -140,13 +145,13 @@ class FrameLoader {
 
 /// Reads the points that the file names, else those of a file beside it with one of the usual names.
 void read_points(const TransformsFile& file, const std::vector<std::string>& usual_names, SourceScene& out) {
-    const fs::path folder = file.path.parent_path();
+    const fs::path folder = folder_of(file);
     std::vector<PointFile> files;
     if (!file.point_file.empty()) {
         const fs::path exact = folder / file.point_file;
         if (names_file(exact)) {
             files.push_back({exact});
-        } else if (auto bare = point_files(folder.empty() ? "." : folder, {exact.filename().string()}); !bare.empty()) {
+        } else if (auto bare = point_files(folder, {exact.filename().string()}); !bare.empty()) {
             out.notes.push_back(fmt::format("{}: ply_file_path '{}' does not exist: {} is taken for it",
                                             file.path.string(), file.point_file, bare[0].path.string()));
             files.push_back(std::move(bare[0]));
@@ -156,7 +161,7 @@ void read_points(const TransformsFile& file, const std::vector<std::string>& usu
         }
     }
     const std::string rule = files.empty() ? usual_names[0] + " goes first" : "ply_file_path names the first";
-    for (PointFile& usual : point_files(folder.empty() ? "." : folder, usual_names))
+    for (PointFile& usual : point_files(folder, usual_names))
         if (std::error_code error; files.empty() || !fs::equivalent(usual.path, files[0].path, error))
             files.push_back(std::move(usual));
     choose_points(std::move(files), rule, out);
@@ -164,7 +169,7 @@ void read_points(const TransformsFile& file, const std::vector<std::string>& usu
 
 /// Returns the file of the given name beside `file`, if there is one.
 std::optional<TransformsFile> read_beside(const TransformsFile& file, const char* name) {
-    const fs::path path = file.path.parent_path() / name;
+    const fs::path path = folder_of(file) / name;
     if (!path_exists(path)) return {};
     return read_transforms(path);
 }
@@ -193,7 +198,7 @@ void load_frames(const TransformsFile& file, const SceneOptions& options, Source
         // 3DGS trains on the test views if none are held out, but never reads the others.
         out.test_views_train = name == std::string_view("transforms_test.json");
     }
-    FrameLoader(file.path.parent_path(), options, out).load(lists, file.path);
+    FrameLoader(folder_of(file), options, out).load(lists, file.path);
     out.notes.insert(out.notes.end(), file.notes.begin(), file.notes.end());
     if (test) out.notes.insert(out.notes.end(), test->notes.begin(), test->notes.end());
 }

@@ -67,6 +67,10 @@ TEST(OptionsCli, EveryUnderscoreSpellingIsAccepted) {
         std::replace(flag.begin() + 2, flag.end(), '-', '_');
         const bool is_switch = std::holds_alternative<bool TrainOptions::*>(option.field);
         const std::string value = option.key == "recipe"          ? "frontier"  // auto stands for another
+                                  : option.key == "image-cache"   ? "7MB"       // sizes and durations have units
+                                  : option.key == "size-limit"    ? "7MB"
+                                  : option.key == "time-limit"    ? "7s"
+                                  : option.key == "frame-limit"   ? "7ms"
                                   : !option.choices.empty()       ? option.choices.front()
                                   : !option.max_word.empty()      ? option.max_word
                                   : option.max && *option.max < 1 ? "0.5"

@@ -12,6 +12,7 @@
 #include "lib/export/pack_ppisp.h"
 #include "lib/export/pack_scene.h"
 #include "lib/export/packed_model.h"
+#include "lib/model/limit_values.h"
 #include "tests/io/file_helpers.h"
 #include "tests/model/model_helpers.h"
 
@@ -328,6 +329,7 @@ TEST(PackScene, ValuesThatAreNotFiniteFailTheExport) {
     require_finite(good);
     for (const float bad : {NAN, INFINITY}) {
         for (int k = 0; k < kNumGroups; ++k) {
+            if (has_meaning(Group(k), bad)) continue;  // an opacity of 1
             Gaussians g = good;
             g.groups[k].param.back() = bad;
             EXPECT_CONTAINS(message_of<DataError>([&] { require_finite(g); }),

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "lib/export/site.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/export/http_client.h"
@@ -48,7 +49,7 @@ class Page : public ::testing::Test {
     HttpResult post(const std::string& name, const std::string& token) {
         return get("/live/" + name, "POST", "X-Gsapp-Token: " + token + "\r\nContent-Length: 0\r\n");
     }
-    nlohmann::json status() { return nlohmann::json::parse(get("/live/status.json").body); }
+    nlohmann::json status() { return parse_json(get("/live/status.json").body); }
 
     TemporaryFolder folder_;
     std::optional<LivePage> page_;

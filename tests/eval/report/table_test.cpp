@@ -296,7 +296,7 @@ TEST_F(Formats, NamesThatAreNoUtf8OrHaveLineBreaksBreakNothing) {
     EXPECT_NO_THROW(parse_json(format_comparison(c, TableFormat::kJson)));
     const std::string markdown = format_comparison(c, TableFormat::kMarkdown);
     EXPECT_EQ(std::count(markdown.begin(), markdown.end(), '\n'), 7);
-    EXPECT_NE(format_comparison(c, TableFormat::kCsv).find("\"bad\xff\nname\""), std::string::npos);
+    EXPECT_NE(format_comparison(c, TableFormat::kCsv).find("\"bad\xEF\xBF\xBD\nname\""), std::string::npos);
     c.tables[0].lines[0].values[0]->mean = std::numeric_limits<double>::infinity();
     EXPECT_TRUE(parse_json(format_comparison(c, TableFormat::kJson))["tables"][0]["lines"][0]["values"]["PSNR"]["mean"]
                     .is_null());
