@@ -394,10 +394,13 @@ double camera_extent(const std::vector<View>& views, const PointCloud& points) {
 Scene load_scene(const SceneOptions& options) {
     check_options(options);
     constexpr std::string_view kBuiltin = "builtin:";
-    const bool is_builtin = options.source.starts_with(kBuiltin);
-    if (is_builtin && options.images != SceneOptions().images)
-        throw UsageError(fmt::format("--images {}: {} has no image folders", options.images, options.source));
-    if (is_builtin) return load_builtin_scene(options.source.substr(kBuiltin.size()), options);
+    if (options.source.starts_with(kBuiltin)) {
+        Scene scene = load_builtin_scene(options.source.substr(kBuiltin.size()), options);
+        if (options.images != SceneOptions().images)
+            scene.notes.push_back(
+                fmt::format("--images {} is not used: {} has no image folders", options.images, options.source));
+        return scene;
+    }
 
     SourceScene source = read_source(options.source, options);
     Scene scene;

@@ -17,6 +17,7 @@ std::filesystem::path resumed_file(const TrainOptions& options) {
 }  // namespace
 
 void require_free_folder(const TrainOptions& options) {
+    if (RunLock::is_held(options.model)) const RunLock refused(options.model);  // says which process writes there
     std::optional<std::int64_t> iteration;
     if (!options.resume.empty()) iteration = read_checkpoint_iteration(resumed_file(options));
     require_free_run_folder({options.model}, options.overwrite, iteration);

@@ -35,9 +35,9 @@ struct RunStart {
 /// than the options name; the folder is then unchanged.
 RunStart open_run(const TrainOptions& options);
 
-/// Throws UsageError if the folder `options.model` holds what this run must not replace (lib/model/run_folder.h).
-/// Changes nothing, so that it can be asked before the scene is loaded. Throws DataError for a checkpoint that cannot
-/// be read.
+/// Throws UsageError if another run writes into the folder `options.model`, or if it holds what this run must not
+/// replace (lib/model/run_folder.h). Changes nothing, so that it can be asked before the scene is loaded. Throws
+/// DataError for a checkpoint that cannot be read.
 void require_free_folder(const TrainOptions& options);
 
 /// Returns the folder of the run whose checkpoint `resume` names. Throws DataError.

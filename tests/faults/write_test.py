@@ -214,7 +214,7 @@ class Suite:
         run = str(self.template / "run")
         commands = [["options"], ["--version"], ["--help"], ["train", "--help"], ["eval", "--skip-render", run], ["metrics", picture, picture,
                     "--metrics", "psnr"], ["prune-appearance", run, "-o", str(self.folder / "pruned")],
-                    ["bench", "frames", run, "--frame-repeat", "1"], ["train", *TRAIN, "-m", str(self.folder / "printed")]]
+                    ["bench", "frames", run, "--frame-repeat", "1"], ["train", *TRAIN, "--json", "-m", str(self.folder / "printed")]]
         for words in commands:
             for to in (">/dev/full", ">&-"):
                 shutil.rmtree(self.folder / "pruned", ignore_errors=True)

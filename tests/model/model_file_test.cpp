@@ -76,7 +76,10 @@ TEST(ModelFile, FilesOfOtherKindsSayWhatTheyAreAndWhatToDo) {
         {"a.ngsplat", "NGSPLAT\n", {".ngsplat", "gsapp view"}},
         {"a.safetensors", std::string("\x10\0\0\0\0\0\0\0{}", 10), {"checkpoint", "run folder"}},
         {"page.ply", "<!DOCTYPE html><html>", {"web page", "download"}},
-        {"lfs.ply", "version https://git-lfs.github.com/spec/v1\n", {"git lfs pull"}},
+        {"lfs.ply",
+         "version https://git-lfs.github.com/spec"
+         "/v1\n",
+         {"git lfs pull"}},
         {"broken.spz", "nothing", {".spz", "damaged"}},
         {"none.ply", "hello\n", {"does not begin with 'ply'"}},
         {"empty.ply", "", {"empty"}},
