@@ -44,8 +44,9 @@ std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appea
 std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance,
                                         const BackendOptions& options) {
     auto backend = make_backend(device, appearance, options);
-    const bool fallback = device == Device::kAuto && !uses_cuda(device);
-    log_info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
+    // Why there is no GPU; try_device has said why one that is there is not used.
+    const bool none = device == Device::kAuto && cuda_device_count() == 0;
+    log_info("device: {}{}", backend->describe(), none ? " (" + cuda_unavailable_reason() + ")" : "");
     return backend;
 }
 
