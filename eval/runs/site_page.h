@@ -34,7 +34,7 @@ StartView find_start_view(const std::string& text, const NamedViews& views, cons
 /// picture is within what that sees.
 Camera preview_camera(const Camera& camera, int width, int height);
 
-/// What a page says before its program runs.
+/// Texts of a page that are there before its program runs.
 struct PageHead {
     std::string title, description;
     bool own_title = false;  ///< whether the page shows the title in the place of the scene's name

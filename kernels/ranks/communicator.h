@@ -19,7 +19,7 @@ namespace gs {
 using Bytes = std::span<std::byte>;
 using ConstBytes = std::span<const std::byte>;
 
-/// What a rank has exchanged with others. Counts what is handed to the connection and what it delivers, without what
+/// Traffic between a rank and the others. Counts what is handed to the connection and what it delivers, without what
 /// TCP, NCCL and this connection itself add.
 struct Traffic {
     double sent = 0, received = 0;      ///< bytes

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one rank asks another over TCP, and the proof that both are of the same job. The rank that answers greets with a
-// random number; request and answer carry an HMAC-SHA256, keyed with the job's secret, over themselves and over the
-// random numbers of both sides. So nobody else can ask or answer, and a recorded request is worth nothing later.
+// Requests from one rank to another over TCP, and the proof that both are of the same job. The rank that answers greets
+// with a random number; request and answer carry an HMAC-SHA256, keyed with the job's secret, over themselves and over
+// the random numbers of both sides. So nobody else can ask or answer, and a recorded request is worth nothing later.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace gs {
 
-/// What tells the ranks of a job from everybody else.
+/// Facts that tell the ranks of a job from everybody else.
 struct Credentials {
     std::string secret;  ///< nobody else knows it (shared_secret)
     std::string job;     ///< what they were started for; other jobs of the same user may have the same secret

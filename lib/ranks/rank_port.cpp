@@ -30,7 +30,7 @@ namespace {
 constexpr double kWaitForValue = 2;
 /// Milliseconds between two looks whether a request can be answered now, and whether somebody took too long.
 constexpr int kLookForValue = 20, kLookForLate = 500;
-/// Of visitors that have not proved to be ranks so many are kept, and two more for each rank.
+/// The most visitors kept that have not proved to be ranks; two more for each rank.
 constexpr std::size_t kMostStrangers = 64;
 
 Descriptor listen_at(const std::string& address, int port) {

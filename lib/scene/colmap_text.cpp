@@ -138,7 +138,7 @@ void read_text_cameras(const fs::path& file, ModelBuilder& builder) {
     }
 }
 
-/// What a line of images.txt can be by its fields.
+/// The kinds of lines in images.txt, told apart by their fields.
 enum class ImageLine { kImage, kPoints, kOther };
 
 /// Tells images from their 2D points, which are triples of numbers. An image has an id, seven numbers, the id of its

@@ -16,7 +16,7 @@
 
 namespace gs {
 
-/// What a dataset says of one of its views.
+/// The use that a dataset states for one of its views.
 enum class ViewRole {
     kTrain,
     kTest,    ///< in the test set

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run stores of its paths finds them again from elsewhere and after a move.
+// Paths that a run stores are found again from elsewhere and after a move.
 #include "lib/core/run_config.h"
 
 #include <gtest/gtest.h>

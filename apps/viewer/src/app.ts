@@ -113,7 +113,7 @@ export class App implements Stage {
     return this.screen.renderer;
   }
 
-  /** What draws for a headset. */
+  /** Draws for a headset. */
   private useWebGl(): Renderer {
     if (!(this.renderer instanceof Renderer)) this.leaveWebGpu('headsets are drawn for by it');
     if (!(this.renderer instanceof Renderer)) throw new Error('This browser does not offer WebGL2.');

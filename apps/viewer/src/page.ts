@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `gsapp export` wrote into the page (docs/formats.md#the-folder-of-a-site): its title, and how it begins.
+// Reads the title and start view that `gsapp export` wrote into the page (docs/formats.md#the-folder-of-a-site).
 
 import { parseAddress, type Address } from './address';
 

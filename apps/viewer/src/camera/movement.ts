@@ -11,7 +11,7 @@ export interface Movement {
 }
 
 const STEP = MathUtils.degToRad(3);
-/** What a key changes the distance by, and a notch of the wheel, of so many pixels, the speed. */
+/** Factor on the distance for a key, and on the speed for a notch of the wheel of so many pixels. */
 const NEARER = 0.95, FASTER = 1.25, NOTCH = 100;
 const LEAST_SPEED = 1 / 64, MOST_SPEED = 64;
 
@@ -120,7 +120,7 @@ export class Orbit implements Movement {
 export class Fly implements Movement {
   private readonly keys = new Set<string>();
   private readonly pointers = new Map<number, { x: number; y: number }>();
-  /** What drags have left to do: angles to the left and upwards, and seconds at full speed to the right and forward. */
+  /** Motion that drags have left over: angles to the left and upwards, seconds at full speed to the right and forward. */
   private readonly rest = { left: 0, up: 0, right: 0, forward: 0 };
   private lastTime = 0;
   private isMoving = false;

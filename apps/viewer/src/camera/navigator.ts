@@ -16,7 +16,7 @@ const DOWN = 10;
 
 /** Around the sphere that is to be seen. */
 const MARGIN = 1.15;
-/** What may stand in front of it, as a share of the picture, and the degrees to look down by where more does. */
+/** Share of the picture that may hide the middle, and the degrees to look down by if more does. */
 const MOST_COVERED = 0.25, STEEPER = [30, 55, 80];
 
 /** Photographs that are turned by less stand upright; one that looks nearly up or down has no upright. */
@@ -29,7 +29,7 @@ export type MovementName = 'orbit' | 'fly';
 export const AXES = ['x', '-x', 'y', '-y', 'z', '-z'] as const;
 export type AxisName = (typeof AXES)[number];
 
-/** What a navigator tells the page. */
+/** Calls by which a navigator tells the page of changes. */
 export interface NavigatorEvents {
   /** The user has moved the camera. */
   changed(): void;

@@ -32,7 +32,7 @@ export function stateText(status: Status): string {
   return texts[state] ?? state;
 }
 
-/** What there is to say when gsapp answers no more, so many seconds after it said `status`. */
+/** Returns the message for a gsapp that stopped answering so many seconds after it said `status`. */
 export function lostText(status: Status | undefined, seconds: number): string {
   if (!status) return 'gsapp does not answer any more.';
   const isOver = ['finished', 'stopped', 'failed'].includes(status.state), isDue = status.state === 'training' && seconds >= (status.eta_seconds ?? Infinity);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the picture itself says and gets: a word in passing, and the keys.
+// The picture's own messages, which pass, and its keys.
 
 import { element } from './elements';
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the eyes in a headset see of the scene. WebXR's axes are right, up and back, its unit is the metre.
+// The views of the two eyes in a headset. WebXR's axes are right, up and back, its unit is the metre.
 
 import { Matrix4, Quaternion, Vector3 } from 'three';
 import type { View } from '../camera/view';
@@ -9,7 +9,7 @@ const vector = (v: Vector3): Vector => [v.x, v.y, v.z];
 
 /** Where the room of the headset is in the scene. */
 export interface Place {
-  /** Of the room's origin. */
+  /** Position of the room's origin. */
   position: Vector3;
   /** From the room's axes to those of the scene. */
   rotation: Quaternion;
@@ -44,7 +44,7 @@ export function placeAt(position: Vector, target: Vector, up: Vector, head: Head
 /** A point of the room in the scene. */
 export const pointIn = ({ position, rotation, scale }: Place, p: Vector3): Vector3 => p.clone().multiplyScalar(scale).applyQuaternion(rotation).add(position);
 
-/** What an eye sees with so many pixels; `transform` and `projection` are WebXR's matrices. */
+/** Returns the view of an eye with so many pixels; `transform` and `projection` are WebXR's matrices. */
 export function eyeView(place: Place, transform: ArrayLike<number>, projection: ArrayLike<number>, width: number, height: number): View {
   const eye = new Matrix4().fromArray(transform), position = new Vector3().setFromMatrixPosition(eye), [x, y, z] = [new Vector3(), new Vector3(), new Vector3()];
   eye.extractBasis(x, y, z);

@@ -10,11 +10,11 @@ import type { Picture } from '../render/scene_renderer';
 import { element } from '../ui/elements';
 import { eyeView, headView, placeAt, pointIn, UP, type Head, type Place } from './eyes';
 
-/** What the headset needs of the page. */
+/** Parts of the page that the headset uses. */
 export interface WornPage {
   /** Leaves WebGPU, which draws for no headset. */
   webGl(): Renderer;
-  /** What is drawn, and from where the page looks; undefined while no model is there. */
+  /** The renderer and the page's camera; undefined while no model is there. */
   model(): { picture: Picture; position: Vector; target: Vector; up: Vector } | undefined;
   /** Brings the order of the Gaussians up to date. */
   sort(view: View): void;
@@ -27,7 +27,7 @@ const MODE = 'immersive-vr';
 /** Metres a second by a stick, degrees of a turn, how fast sizes change, and from where on a stick counts. */
 const SPEED = 2, TURN = 30, GROWTH = 1, DEAD = 0.15, PUSHED = 0.7;
 
-/** What three.js does for its own headsets, which its types leave out: a target stands for a framebuffer, null for the canvas. */
+/** A method of three.js that its types leave out: a target stands for a framebuffer, null for the canvas. */
 type ForeignTargets = WebGLRenderer & { setRenderTargetFramebuffer(target: WebGLRenderTarget, framebuffer: WebGLFramebuffer | null): void };
 
 const button = element<HTMLButtonElement>('enter-vr');
