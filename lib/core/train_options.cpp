@@ -25,7 +25,7 @@ struct Entry : Option {
     Entry or_max_word(std::string text) { return max_word = std::move(text), *this; }
     /// The value when the flag stands alone.
     Entry alone(std::string value) { return implicit = std::move(value), *this; }
-    /// Lets the option stand in the help that fits one screen.
+    /// Marks the option as one of those that --help shows.
     Entry basic() { return is_basic = true, *this; }
     Entry in_words(std::string allowed) { return values = std::move(allowed), *this; }
     Entry in_units(std::string name) { return unit = std::move(name), *this; }
