@@ -3,7 +3,6 @@
 #include "eval/experiments/train_run.h"
 
 #include <fmt/format.h>
-#include <yaml-cpp/yaml.h>
 
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -153,35 +152,6 @@ nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSu
     return event;
 }
 
-/// Throws DataError if the resumed run would score other views than the run held out: an image that is missing since
-/// then moves every later one of "every 8th", so that views would be scored on which the run was trained.
-void require_same_test_views(const Checkpoint& checkpoint, const Scene& scene, const TrainOptions& options) {
-    const std::string digest = view_digest(scene.test);
-    if (!options.eval || checkpoint.test_views.empty() || checkpoint.test_views == digest) return;
-    throw DataError(fmt::format(
-        "{}: its {} test views are not the {} that the run to resume held out; are images missing that were there "
-        "before, or is --test-every another? Restore them, or start anew",
-        scene.source, scene.test.size(), checkpoint.test_views.substr(0, checkpoint.test_views.find(' '))));
-}
-
-/// Returns whether the run of this checkpoint had a target. Throws DataError if its options cannot be read.
-bool had_target(const Checkpoint& checkpoint, const TrainOptions& options) {
-    try {
-        const YAML::Node target = YAML::Load(checkpoint.options_yaml)["target-psnr"];
-        return target && target.as<double>() > 0;
-    } catch (const YAML::Exception& e) {
-        throw DataError(fmt::format("checkpoint {}: metadata options: {}", options.resume, e.what()));
-    }
-}
-
-/// Throws UsageError if views that a target would be measured on were trained on, or the other way round.
-void require_same_training_views(const Checkpoint& checkpoint, const TrainOptions& options) {
-    if (had_target(checkpoint, options) != (options.target_psnr > 0))
-        throw UsageError(
-            "option target-psnr: it holds training views out from the first step on; a run that was begun without it "
-            "cannot be resumed with it, nor the other way round");
-}
-
 /// Returns the options in force that are not at their defaults, as "key value, ...".
 std::string changed_options(const TrainOptions& options) {
     std::string list;
@@ -247,12 +217,8 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     }
     std::optional<TensorBoard> tensorboard;  // refused, too, while an earlier run is whole
     if (!options.tensorboard.empty()) tensorboard.emplace(options.tensorboard);
-    RunStart start = open_run(options);
+    RunStart start = open_run(options, view_digest(scene.test));
     start.cameras = std::move(cameras);
-    if (start.checkpoint) {
-        require_same_test_views(*start.checkpoint, scene, options);
-        require_same_training_views(*start.checkpoint, options);
-    }
     add_log_file(fs::path(options.model) / "gsapp.log");
     log_debug("{}, output folder {}", version_text(), options.model);
     describe_scene(scene);

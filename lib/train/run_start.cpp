@@ -2,6 +2,10 @@
 // Opens the folder of a new or resumed run.
 #include "lib/train/run_start.h"
 
+#include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
+
+#include "kernels/core/error.h"
 #include "lib/core/options.h"
 #include "lib/core/run_config.h"
 #include "lib/io/safetensors.h"
@@ -12,6 +16,35 @@ namespace {
 
 std::filesystem::path resumed_file(const TrainOptions& options) {
     return options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
+}
+
+/// Throws DataError if the resumed run would score other views than the run held out: an image that is missing since
+/// then moves every later one of "every 8th", so that views would be scored on which the run was trained.
+void require_same_test_views(const Checkpoint& checkpoint, const std::string& test_views, const TrainOptions& options) {
+    if (!options.eval || checkpoint.test_views.empty() || checkpoint.test_views == test_views) return;
+    const auto number = [](const std::string& digest) { return digest.substr(0, digest.find(' ')); };
+    throw DataError(fmt::format(
+        "{}: its {} test views are not the {} that the run to resume held out; are images missing that were there "
+        "before, or is --test-every another? Restore them, or start anew",
+        options.source, number(test_views), number(checkpoint.test_views)));
+}
+
+/// Returns whether the run of this checkpoint had a target. Throws DataError if its options cannot be read.
+bool had_target(const Checkpoint& checkpoint, const TrainOptions& options) {
+    try {
+        const YAML::Node target = YAML::Load(checkpoint.options_yaml)["target-psnr"];
+        return target && target.as<double>() > 0;
+    } catch (const YAML::Exception& e) {
+        throw DataError(fmt::format("checkpoint {}: metadata options: {}", options.resume, e.what()));
+    }
+}
+
+/// Throws UsageError if views that a target would be measured on were trained on, or the other way round.
+void require_same_training_views(const Checkpoint& checkpoint, const TrainOptions& options) {
+    if (had_target(checkpoint, options) != (options.target_psnr > 0))
+        throw UsageError(
+            "option target-psnr: it holds training views out from the first step on; a run that was begun without it "
+            "cannot be resumed with it, nor the other way round");
 }
 
 }  // namespace
@@ -33,12 +66,14 @@ std::string checkpoint_appearance(const TrainOptions& options) {
 
 Frame checkpoint_frame(const TrainOptions& options) { return read_checkpoint_frame(resumed_file(options)); }
 
-RunStart open_run(const TrainOptions& options) {
+RunStart open_run(const TrainOptions& options, const std::string& test_views) {
     RunStart start{RunFolder{options.model}, std::nullopt};
     if (!options.resume.empty()) {
         const auto file = resumed_file(options);
         start.checkpoint = read_checkpoint(file);
         require_same_appearance(start.checkpoint->state.appearance, appearance_spec(options), file.string());
+        if (!test_views.empty()) require_same_test_views(*start.checkpoint, test_views, options);
+        require_same_training_views(*start.checkpoint, options);
     }
     if (!start.checkpoint && !options.init.empty()) start.initial = read_initial_model(options.init);
     const auto iteration = start.checkpoint ? std::optional(start.checkpoint->iteration) : std::nullopt;

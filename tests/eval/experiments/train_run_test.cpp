@@ -78,9 +78,15 @@ TEST(TrainRun, ARunIsResumedWithATargetOnlyIfItBeganWithOne) {
     TrainOptions options = tiny(tmp);
     validate(options);
     train_run(options, 0);
+    const auto config = [&] {
+        std::ifstream file(RunFolder{options.model}.config());
+        return std::string(std::istreambuf_iterator<char>(file), {});
+    };
+    const std::string before = config();
     options.resume = "latest", options.iterations = 4, options.target_psnr = 5;
     validate(options);
     EXPECT_THROW(train_run(options, 0), UsageError);
+    EXPECT_EQ(config(), before) << "the run can go on without it";
 }
 
 TEST(TrainRun, ACheckpointWhoseOptionsAreBrokenIsRefused) {
