@@ -25,6 +25,7 @@ constexpr float kLeastAlpha = 0.5f;
 
 void DepthRangeFinder::add(const std::vector<float>& depth, const std::vector<float>& alpha) {
     std::vector<float> covered;
+    covered.reserve(depth.size());
     for (std::size_t i = 0; i < depth.size(); ++i)
         if (alpha[i] >= kLeastAlpha && depth[i] > 0) covered.push_back(depth[i]);
     if (covered.empty()) return;

@@ -52,13 +52,14 @@ GeometryRenderer::GeometryRenderer(const SavedRun& run)
       model_(geometry_of(run.backend->download(false))),
       backend_(make_backend(run.options.device, model_.appearance, backend_options(run.options))) {}
 
-const RenderedImage& GeometryRenderer::render(const Camera& camera, bool median) {
+RenderedImage GeometryRenderer::render(const Camera& camera, bool median) {
     backend_->upload(model_);
     RenderRequest request;
     request.camera = camera_params(camera);
     request.median = median;
-    backend_->render(request, image_);
-    return image_;
+    RenderedImage image;
+    backend_->render(request, image);
+    return image;
 }
 
 std::vector<float> GeometryRenderer::depth(const Camera& camera, DepthKind kind) {
@@ -67,7 +68,7 @@ std::vector<float> GeometryRenderer::depth(const Camera& camera, DepthKind kind)
         float* base = &model_[Group::kBase].param[3 * std::size_t(i)];
         base[0] = base_of(z <= kFar ? z : 0), base[1] = base_of(z <= kFar ? 0 : z / kFar), base[2] = base_of(1);
     });
-    const RenderedImage& image = render(camera, kind == DepthKind::kMedian);
+    const RenderedImage image = render(camera, kind == DepthKind::kMedian);
     const std::size_t pixels = image.alpha.size();
     const float* near = image.rgb.data();
     const float *far = near + pixels, *weight = far + pixels;  // a median has weight 1
@@ -86,16 +87,19 @@ std::vector<float> GeometryRenderer::normals(const Camera& camera) {
         for (int c = 0; c < 3; ++c)
             model_[Group::kBase].param[3 * std::size_t(i) + std::size_t(c)] = base_of(0.5 + 0.5 * normal[c]);
     });
-    const RenderedImage& image = render(camera);
+    RenderedImage image = render(camera);
     const std::size_t pixels = image.alpha.size();
-    std::vector<float> normals(3 * pixels);
     for (std::size_t i = 0; i < pixels; ++i) {
         Eigen::Vector3d sum;
         for (std::size_t c = 0; c < 3; ++c) sum[int(c)] = 2.0 * image.rgb[c * pixels + i] - image.alpha[i];
-        if (!(sum.norm() > 1e-5)) continue;  // only rounding is left
-        sum.normalize();
-        for (std::size_t c = 0; c < 3; ++c) normals[3 * i + c] = float(sum[int(c)]);
+        // Below 1e-5 only rounding is left.
+        const Eigen::Vector3d normal = sum.norm() > 1e-5 ? Eigen::Vector3d(sum.normalized()) : Eigen::Vector3d::Zero();
+        for (std::size_t c = 0; c < 3; ++c) image.rgb[c * pixels + i] = float(normal[int(c)]);
     }
+    image.alpha = std::vector<float>();  // room for the copy: a picture may have 2^25 pixels
+    std::vector<float> normals(3 * pixels);
+    for (std::size_t c = 0; c < 3; ++c)
+        for (std::size_t i = 0; i < pixels; ++i) normals[3 * i + c] = image.rgb[c * pixels + i];
     return normals;
 }
 

@@ -28,12 +28,11 @@ class GeometryRenderer {
     std::vector<float> normals(const Camera& camera);
 
   private:
-    const RenderedImage& render(const Camera& camera, bool median = false);
+    RenderedImage render(const Camera& camera, bool median = false);
 
     double scale_;     ///< frame units per scene unit
     Gaussians model_;  ///< its base colours are those of the view that was asked last
     std::unique_ptr<Backend> backend_;
-    RenderedImage image_;
 };
 
 }  // namespace gs

@@ -42,10 +42,10 @@ Image colored_normals(Image image) {
     return image;
 }
 
-/// Returns one channel as grey.
+/// Returns one channel as 8-bit grey.
 Image grey(const Image& image) {
-    Image out{image.width, image.height, 3, {}, {}};
-    for (const float value : image.f32) out.f32.insert(out.f32.end(), 3, value);
+    Image out{image.width, image.height, 3, std::vector<std::uint8_t>(3 * image.f32.size()), {}};
+    for (std::size_t i = 0; i < out.u8.size(); ++i) out.u8[i] = to_8_bits(image.f32[i / 3]);
     return out;
 }
 
@@ -67,9 +67,10 @@ void write_depth_pictures(const fs::path& folder, std::size_t count, const Depth
     const fs::path part = folder / depth_folder(depths.kind);
     const DepthRange range = depths.range.range();
     for (std::size_t i = 0; i < count; ++i) {
-        const Image read = read_image(part / frame_name(i, "exr"));
+        Image read = read_image(part / frame_name(i, "exr"));
         std::vector<float> depth(std::size_t(read.width) * std::size_t(read.height));
         for (std::size_t p = 0; p < depth.size(); ++p) depth[p] = read.f32[p * std::size_t(read.channels)];
+        read.f32 = std::vector<float>();
         write_image(part / frame_name(i, "png"), colored_depth(depth, read.width, read.height, range));
     }
     write_text_atomic(folder / depth_range_file(depths.kind), depth_range_text(range, depths.kind));
@@ -126,18 +127,22 @@ void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorre
         const Camera& camera = views[i].camera;
         for (const auto& [mode, name] : kPictureParts) {
             if (!parts.decompose && mode != RenderMode::kFull) continue;
+            image = RenderedImage{};
             image = renders.next();
             write_image(folder / (parts.decompose ? name : "") / frame_name(i, "png"), quantized_render(image));
         }
-        if (parts.alpha) {
-            const Image values = write_values(folder / "alpha", i, camera, image.alpha);
-            write_image(folder / "alpha" / frame_name(i, "png"), grey(values));
-        }
+        // A picture of 2^25 pixels has 512 MiB: each is freed before the next quantity is rendered.
+        image.rgb = std::vector<float>();
         for (Depths& depths : wanted) {
             std::vector<float> depth = geometry->depth(camera, depths.kind);
             depths.range.add(depth, image.alpha);
             write_values(folder / depth_folder(depths.kind), i, camera, std::move(depth));
         }
+        if (parts.alpha) {
+            const Image values = write_values(folder / "alpha", i, camera, std::move(image.alpha));
+            write_image(folder / "alpha" / frame_name(i, "png"), grey(values));
+        }
+        image = RenderedImage{};
         if (parts.normals) {
             Image values = write_values(folder / "normals", i, camera, geometry->normals(camera));
             write_image(folder / "normals" / frame_name(i, "png"), colored_normals(std::move(values)));

@@ -100,15 +100,30 @@ bool stores_float(const fs::path& path) {
     return extension == ".exr" || extension == ".hdr" || extension == ".tif" || extension == ".tiff";
 }
 
-/// Returns the values that a float format stores: EXR holds premultiplied colour by definition.
-std::vector<float> float_samples(const Image& image, bool premultiply) {
-    std::vector<float> out(std::size_t(image.width) * image.height * image.channels);
-    for (std::size_t i = 0; i < out.size(); ++i)
-        out[i] = image.is_float() ? image.f32[i] : image.u8[i] * (1.0f / 255.0f);
-    if (premultiply && image.channels == 4)
-        for (std::size_t i = 0; i < out.size(); i += 4)
-            for (int c = 0; c < 3; ++c) out[i + c] *= out[i + 3];
-    return out;
+/// Writes the rows of an image to an open file in strips, which are converted one at a time so that no second image is
+/// held. Float formats keep floats, where EXR holds premultiplied colour by definition (`premultiply`); others hold 8
+/// bits. Returns false if the encoder failed.
+template <class Sample> bool write_rows(OIIO::ImageOutput& output, const Image& image, bool premultiply) {
+    constexpr int kRows = 256;  // a multiple of what the compressions of EXR and TIFF take together
+    constexpr auto kType = std::is_same_v<Sample, float> ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
+    const std::size_t row = std::size_t(image.width) * image.channels;
+    std::vector<Sample> strip;
+    for (int y = 0; y < image.height; y += kRows) {
+        const int end = std::min(y + kRows, image.height);
+        const std::size_t first = y * row;
+        strip.resize((end - y) * row);
+        for (std::size_t i = 0; i < strip.size(); ++i) {
+            if constexpr (std::is_same_v<Sample, float>)
+                strip[i] = image.is_float() ? image.f32[first + i] : image.u8[first + i] * (1.0f / 255.0f);
+            else
+                strip[i] = image.is_float() ? to_8_bits(image.f32[first + i]) : image.u8[first + i];
+        }
+        if (premultiply && image.channels == 4)
+            for (std::size_t i = 0; i < strip.size(); i += 4)
+                for (int c = 0; c < 3; ++c) strip[i + c] *= strip[i + 3];
+        if (!output.write_scanlines(y, end, 0, kType, strip.data())) return false;
+    }
+    return true;
 }
 
 /// Whether OpenImageIO encodes the format into memory, faithfully. It says so of JPEG 2000, too, which then cannot be
@@ -141,15 +156,8 @@ std::vector<unsigned char> encode(const fs::path& path, const Image& image) {
     OIIO::Filesystem::IOVecOutput memory(bytes);
     bool ok = output->set_ioproxy(&memory) && output->open(name, spec);
     if (ok) {
-        if (type == OIIO::TypeDesc::FLOAT) {
-            ok = output->write_image(type, float_samples(image, is_exr).data());
-        } else if (image.is_float()) {
-            std::vector<std::uint8_t> quantised(image.f32.size());
-            std::transform(image.f32.begin(), image.f32.end(), quantised.begin(), to_8_bits);
-            ok = output->write_image(type, quantised.data());
-        } else {
-            ok = output->write_image(type, image.u8.data());
-        }
+        ok = type == OIIO::TypeDesc::FLOAT ? write_rows<float>(*output, image, is_exr)
+                                           : write_rows<std::uint8_t>(*output, image, false);
         ok = output->close() && ok;
     }
     if (!ok) fail(path, fmt::format("cannot be written: {}", reason_from(output->geterror())));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp render on a run of the program: which folders it fills, videos, and what it refuses.
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <cmath>
@@ -289,6 +290,19 @@ TEST_F(RenderCommand, VideosPlay) {
     }
     if (std::system("ffmpeg -v error -f lavfi -i color=s=16x16:d=0.1 -c:v libvpx-vp9 -f null - >/dev/null 2>&1") == 0)
         expect_ok("--orbit 4 -o pictures --video video.webm");
+}
+
+TEST_F(RenderCommand, HoldsAtMostThirtyBytesForAPixelWhateverIsRendered) {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "freed memory is kept";
+#endif
+    program.folder().write("path.json", R"([{"width": 4096, "height": 2048, "fx": 2048, "fy": 2048,
+        "position": [0, 0, -4], "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}])");
+    expect_ok("--path path.json --depth --normals --alpha --decompose -o parts");
+    rusage use{};
+    getrusage(RUSAGE_CHILDREN, &use);
+    const double pixels = 4096.0 * 2048, program_itself = 180 * 1048576.0;
+    EXPECT_LT(1024.0 * double(use.ru_maxrss), program_itself + 30 * pixels) << "a 150-byte file must not take 2 GiB";
 }
 
 }  // namespace
