@@ -97,10 +97,12 @@ using StepSource = std::function<StepRequest(std::size_t view)>;
 /// The statistics of the steps since the last call of `take_stats`.
 struct StepStats {
     std::int64_t steps = 0;
-    double loss = 0, l1 = 0, ssim = 0;         ///< values of the last step
-    std::int64_t num_instances = 0;            ///< Gaussian-tile pairs of the last step
-    std::int64_t num_nonfinite_gradients = 0;  ///< Gaussians with a gradient that was left out, summed over the steps
-    std::int64_t consecutive_skips = 0;        ///< steps in a row skipped because the loss was not finite
+    double loss = 0, l1 = 0, ssim = 0;  ///< values of the last step
+    std::int64_t num_instances = 0;     ///< Gaussian-tile pairs of the last step
+    /// Gradients that were left out because they were not finite, summed over the steps: of Gaussians, shared weights
+    /// and PPISP, and those of them that are the same on all ranks, of the latter two.
+    std::int64_t num_nonfinite_gradients = 0, num_nonfinite_common = 0;
+    std::int64_t consecutive_skips = 0;  ///< steps in a row skipped because the loss was not finite
 };
 
 /// The memory that a backend holds on its device.
@@ -149,9 +151,12 @@ struct AdcParams {
     bool may_remove_all = false;  ///< whether it is no error if no Gaussian is left: other ranks may have some
 };
 
+/// Lowers opacities for ADC: raw opacity <- min(raw, logit 0.01). The moments of the opacity group become 0.
+struct OpacityReset {};
+
 /// One densification by the rule of a strategy.
 struct DensifyRequest {
-    std::variant<McmcParams, AdcParams> rule;
+    std::variant<McmcParams, AdcParams, OpacityReset> rule;
     std::int64_t iteration = 0;
     std::uint64_t seed = 0;
 };
@@ -182,8 +187,13 @@ struct ResidualScores {
     std::vector<float> mean_base;  ///< (n,3) base colours that show the mean colour over the views
 };
 
+/// Selects all rows but these, ascending.
+struct AllBut {
+    std::vector<std::uint32_t> rows;
+};
+
 /// The choice of Gaussians to remove.
-using PruneRequest = std::variant<NonFiniteRows, InvisibleRows, LowestScores>;
+using PruneRequest = std::variant<NonFiniteRows, InvisibleRows, AllBut>;
 
 struct PruneStats {
     std::int64_t removed = 0;

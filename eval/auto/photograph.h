@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/io/image.h"
 #include "lib/scene/scene.h"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "eval/auto/photograph.h"
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 
 namespace gs {
 

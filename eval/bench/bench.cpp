@@ -74,18 +74,16 @@ class Steps {
 
 /// Returns the costs of the stages per iteration.
 std::vector<StageCost> measure_stages(Backend& backend, Steps& steps, int repeat) {
-    BackendTimer& timer = backend.timer();
-    for (int pass = 0; pass < timer.stage_passes(); ++pass) {
-        timer.measure_stages(pass);
-        if (pass == 0) {  // a backend may have to prepare for the marks
+    for (int pass = 0; pass < backend.stage_passes(); ++pass) {
+        backend.measure_stages(pass);
+        if (pass == 0) {  // a device may have to prepare for the marks
             steps.step();
             backend.synchronize();
-            timer.take_stage_costs();
+            backend.measure_stages(pass);
         }
         steps.in_a_row(repeat);
     }
-    std::vector<StageCost> stages = timer.take_stage_costs();
-    timer.measure_stages({});
+    std::vector<StageCost> stages = backend.measure_stages({});
     for (StageCost& s : stages)
         for (double* sum : {&s.seconds, &s.items, &s.bytes, &s.operations}) *sum /= repeat;
     return stages;
@@ -97,7 +95,7 @@ FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, cons
     for (std::size_t k = 0; k < cameras.size(); ++k)
         requests[k].camera = camera_params(cameras[k]), requests[k].background = background,
         requests[k].isp.mode = IspMode::kController;
-    return {cameras[0].width, cameras[0].height, int(cameras.size()), backend.timer().time_frames(requests, repeats)};
+    return {cameras[0].width, cameras[0].height, int(cameras.size()), backend.time_frames(requests, repeats)};
 }
 
 std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, const Vec3<float>& background,
@@ -127,7 +125,7 @@ BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene
                       const BenchOptions& bench) {
     BenchResult result;
     result.device = backend.describe();
-    result.ceilings = backend.timer().measure_ceilings();
+    result.ceilings = backend.measure_ceilings();
     result.num_gaussians = model.count;
     result.width = scene.train.at(0).camera.width, result.height = scene.train[0].camera.height;
     result.repeat = bench.repeat;

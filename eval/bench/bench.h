@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "eval/pages/text_table.h"
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 

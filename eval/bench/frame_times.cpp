@@ -30,8 +30,7 @@ FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& came
         backend.render(requests[k], warm_up);
     }
     std::vector<double> seconds;
-    for (const RenderRequest& request : requests)
-        seconds.push_back(backend.timer().time_frames({request}, frames_per_view));
+    for (const RenderRequest& request : requests) seconds.push_back(backend.time_frames({request}, frames_per_view));
     std::sort(seconds.begin(), seconds.end());
     FrameTimes times{backend.describe(), int(seconds.size()), frames_per_view};
     for (const double s : seconds) times.mean += s / double(seconds.size());

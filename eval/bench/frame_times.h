@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "eval/pages/text_table.h"
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

@@ -38,11 +38,13 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
     }
     result.width = scene.train[0].camera.width, result.height = scene.train[0].camera.height;
     std::vector<std::shared_ptr<const ViewImage>> images;
-    std::vector<Image> targets;
+    std::vector<Image> photographs;
     for (const View& view : scene.train) {
         images.push_back(std::make_shared<const ViewImage>(view.load()));
-        targets.push_back(images.back()->color);
+        photographs.push_back(images.back()->color);
     }
+    MessageWriter targets;
+    put_targets(targets, photographs);
     const auto backend = make_sharded_backend(team, options.device, appearance, backend_options(options),
                                               result.views_per_step, targets);
     result.device = backend->describe();

@@ -8,7 +8,7 @@
 
 #include "eval/bench/bench.h"
 #include "eval/pages/text_table.h"
-#include "kernels/ranks/ranked_backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/ranks/rank_team.h"
 

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/io/image.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // Rounds and composites images as the evaluation protocols compare them.
 #pragma once
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/io/image.h"
 
 namespace gs {

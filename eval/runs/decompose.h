@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 
 namespace gs {
 

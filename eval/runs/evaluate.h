@@ -11,7 +11,7 @@
 #include "eval/metrics/metrics.h"
 #include "eval/runs/eval_correction.h"
 #include "eval/runs/protocol.h"
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "eval/runs/results.h"
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/ranks/rank_team.h"
 #include "lib/scene/scene.h"

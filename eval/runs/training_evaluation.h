@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "eval/runs/results.h"
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/progress.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Picks the backend of a model from the generated lists.
+// Picks the engine of a model from the generated lists.
 #include <utility>
 
 #include "appearance/model_info.h"
-#include "kernels/backend.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
+#include "kernels/ranks/backend.h"
 #include "kernels/reference_image.h"
 #include "kernels/tensors/tensor_engine.h"
 
@@ -25,8 +25,16 @@ template <class List> auto of_model(const List& list, const AppearanceSpec& appe
 
 }  // namespace
 
+std::unique_ptr<Engine> make_cpu_engine(const AppearanceSpec& appearance, const BackendOptions& options) {
+    return of_model(kCpuEngines, appearance)(options);
+}
+
 std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
-    return of_model(kCpuBackends, appearance)(options);
+    return std::make_unique<Backend>(make_cpu_engine(appearance, options));
+}
+
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
+    return std::make_unique<Backend>(make_cuda_engine(appearance, options));
 }
 
 std::vector<double> render_in_double(const Gaussians& model, const RenderRequest& request) {
@@ -36,9 +44,9 @@ std::vector<double> render_in_double(const Gaussians& model, const RenderRequest
 std::string cuda_architectures() { return GSAPP_CUDA_ARCHITECTURES; }
 
 #ifdef GSAPP_WITH_CUDA
-std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Engine> make_cuda_engine(const AppearanceSpec& appearance, const BackendOptions& options) {
     if (!cuda_available()) throw DeviceError("no CUDA device: " + cuda_unavailable_reason() + "; use --device cpu");
-    return of_model(kCudaBackends, appearance)(options);
+    return of_model(kCudaEngines, appearance)(options);
 }
 #else
 bool cuda_available() { return false; }
@@ -52,7 +60,7 @@ std::string cuda_unavailable_reason() { return "this gsapp was built without CUD
 std::unique_ptr<TensorEngine> make_cuda_tensor_engine() {
     throw DeviceError(cuda_unavailable_reason() + "; use --device cpu");
 }
-std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec&, const BackendOptions&) {
+std::unique_ptr<Engine> make_cuda_engine(const AppearanceSpec&, const BackendOptions&) {
     throw DeviceError(cuda_unavailable_reason() + "; use --device cpu");
 }
 #endif

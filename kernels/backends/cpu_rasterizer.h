@@ -18,9 +18,9 @@
 #include "kernels/core/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/preprocess/splat_lanes_cpu.h"
-#include "kernels/ranks/shard.h"
 #include "kernels/sort/binning.h"
 #include "kernels/splat/depth_key.h"
+#include "kernels/splat/projected_view.h"
 
 namespace gs {
 

@@ -4,14 +4,14 @@
 
 #include <cuda_fp16.h>
 
-#include "kernels/backend.h"
 #include "kernels/blend/blend_cuda.h"
+#include "kernels/engine.h"
 #include "kernels/optimizer/lazy_args_cuda.cuh"
 #include "kernels/optimizer/sum_rows_cuda.h"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/preprocess/gaussian_device.h"
-#include "kernels/ranks/view_report.h"
 #include "kernels/sort/binning_cuda.h"
+#include "kernels/splat/view_report.h"
 #include "kernels/splat/wire_splat.h"
 
 namespace gs {
@@ -79,6 +79,6 @@ struct ModelKernels {
 };
 
 /// Makes the CUDA backend of a model with these kernels.
-std::unique_ptr<Backend> make_cuda_backend(const ModelKernels& kernels, const BackendOptions& options);
+std::unique_ptr<Engine> make_cuda_engine(const ModelKernels& kernels, const BackendOptions& options);
 
 }  // namespace gs

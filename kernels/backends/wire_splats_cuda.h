@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "kernels/blend/blend_cuda.h"
-#include "kernels/ranks/splat_order_device.h"
-#include "kernels/ranks/view_report.h"
 #include "kernels/sort/binning_cuda.h"
 #include "kernels/splat/gaussian_rows_device.h"
+#include "kernels/splat/splat_order_device.h"
+#include "kernels/splat/view_report.h"
 #include "kernels/splat/wire_splat.h"
 
 namespace gs {

@@ -39,7 +39,7 @@ template <int kCount, bool kInside> class Column {
           step_(step),
           y_(x >= 0 && x < a.in.target.width ? y : INT_MIN / 2) {}
 
-    /// Returns the place in a plane, for which 32 bits suffice: no side has 2^16 pixels (CudaBackend::enqueue_splats).
+    /// Returns the place in a plane, for which 32 bits suffice: no side has 2^16 pixels (CudaEngine::enqueue_splats).
     __device__ unsigned pixel(int u) const { return first_ + u * stride_; }
     __device__ bool has(int u) const { return kInside || unsigned(y_ + u * step_) < unsigned(height_); }
     /// Calls fn(u, pixel) for each pixel that the image has.

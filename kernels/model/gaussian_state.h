@@ -61,4 +61,9 @@ template <class Real> struct GaussianState {
 
 using Gaussians = GaussianState<float>;
 
+/// The rows of a model, or of a part of it.
+struct RowCounts {
+    std::int64_t count = 0, num_residuals = 0;  ///< all, and the first of them, which have a residual
+};
+
 }  // namespace gs

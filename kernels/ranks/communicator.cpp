@@ -6,13 +6,13 @@
 
 namespace gs {
 
-void Communicator::exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device) {
+void Communicator::exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, DeviceStream* device) {
     if (device && link_) device->mark();
     begin(out, in, device);
     finish(device);
 }
 
-void Communicator::finish(RankDevice* device) {
+void Communicator::finish(DeviceStream* device) {
     if (!device || !link_) return;
     const double start = seconds_now();
     finish_on_device();
@@ -20,7 +20,7 @@ void Communicator::finish(RankDevice* device) {
     traffic_.seconds += seconds_now() - start;
 }
 
-void Communicator::begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device) {
+void Communicator::begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, DeviceStream* device) {
     const double start = seconds_now();
     if (device)
         transfer_on_device(out, in, *device);
@@ -48,7 +48,7 @@ void Communicator::abort() {
 }
 
 void Communicator::transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
-                                      RankDevice& device) {
+                                      DeviceStream& device) {
     const auto is_own = [this](std::size_t k) { return k % std::size_t(size_) == std::size_t(rank_); };
     for (std::size_t k = 0; k < out.size(); ++k)
         if (is_own(k) && !out[k].empty() && !in[k].empty()) device.copy(in[k].data(), out[k].data(), in[k].size());

@@ -12,7 +12,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "kernels/ranks/rank_device.h"
+#include "kernels/core/device_stream.h"
 
 namespace gs {
 
@@ -53,7 +53,7 @@ class DeviceLink {
     /// Begins to send out[k] to every other rank k modulo their number and to receive in[k] from it, all of them on
     /// `device`, after what it marked last and after earlier transfers. NCCL is fast where arrays begin at multiples of
     /// 16 bytes. Throws DeviceError when the connection has failed or was ended.
-    virtual void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) = 0;
+    virtual void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, DeviceStream& device) = 0;
     /// Waits until all transfers are on the device's stream for them, which does not take other ranks once all are
     /// connected. Throws DeviceError like begin().
     virtual void finish() = 0;
@@ -71,10 +71,10 @@ class Communicator {
     /// arrays out[size() + r] and in[size() + r] after these, and so on. What one rank sends and what the other expects
     /// must have the same size; nothing is sent where that is 0. The arrays lie in the memory of `device`, or in the
     /// host's where that is null; they may lie elsewhere on another rank, unless there is a link.
-    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device = nullptr);
+    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, DeviceStream* device = nullptr);
     /// Begins what exchange() does. By a link the arrays are sent when the device has done what it marked last, and
     /// received while it goes on; without one all is done when the function returns.
-    void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device);
+    void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, DeviceStream* device);
     /// Waits until the device has been told of all that was begun. Before, the memory of the arrays must not be given
     /// back.
     void settle() {
@@ -82,7 +82,7 @@ class Communicator {
     }
     /// Lets all that the device is told from now on wait for what was begun. It must not be told to change or to read
     /// the arrays before.
-    void finish(RankDevice* device);
+    void finish(DeviceStream* device);
     /// Returns what was exchanged since the beginning.
     const Traffic& traffic() const { return traffic_; }
     /// Sends arrays of devices over `link` from now on, and no longer through the host. All ranks must do so.
@@ -100,7 +100,7 @@ class Communicator {
 
     /// Does what begin() says, with arrays on a device: over the link, or else through the host's memory.
     virtual void transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
-                                    RankDevice& device);
+                                    DeviceStream& device);
     /// Does what DeviceLink::finish() says.
     virtual void finish_on_device() { link_->finish(); }
 

@@ -34,10 +34,10 @@ void join(const ArrayOfParts& array, const std::vector<DealtRow>& order) {
 
 }  // namespace
 
-std::vector<DealtRow> row_order(const std::vector<RankRows>& ranks) {
+std::vector<DealtRow> row_order(const std::vector<RowCounts>& ranks) {
     std::vector<DealtRow> order;
     std::int64_t longest = 0, total = 0;
-    for (const RankRows& r : ranks) longest = std::max(longest, r.count), total += r.count;
+    for (const RowCounts& r : ranks) longest = std::max(longest, r.count), total += r.count;
     order.reserve(std::size_t(total));
     for (const bool with_residual : {true, false})
         for (std::int64_t row = 0; row < longest; ++row)
@@ -76,7 +76,7 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
     const Gaussians& first = parts.front();
     model.appearance = first.appearance, model.active_degree = first.active_degree, model.step = first.step;
     model.shared = first.shared, model.ppisp = first.ppisp;
-    std::vector<RankRows> rows;
+    std::vector<RowCounts> rows;
     for (const Gaussians& part : parts) {
         rows.push_back({part.count, part.num_residuals()});
         model.count += part.count;
@@ -107,10 +107,10 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
     return model;
 }
 
-std::vector<std::int64_t> even_shares(const std::vector<RankRows>& ranks, std::int64_t total) {
+std::vector<std::int64_t> even_shares(const std::vector<RowCounts>& ranks, std::int64_t total) {
     std::vector<std::int64_t> shares(ranks.size(), 0);
     std::vector<bool> full;
-    for (const RankRows& r : ranks) full.push_back(r.count == 0);  // what has no row cannot grow
+    for (const RowCounts& r : ranks) full.push_back(r.count == 0);  // what has no row cannot grow
     for (bool again = true; again;) {
         again = false;
         std::int64_t rest = total;

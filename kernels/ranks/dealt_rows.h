@@ -10,11 +10,6 @@
 
 namespace gs {
 
-/// The Gaussians of one rank.
-struct RankRows {
-    std::int64_t count = 0, num_residuals = 0;
-};
-
 /// One row of the whole model.
 struct DealtRow {
     int rank;
@@ -28,7 +23,7 @@ inline std::int64_t dealt_count(std::int64_t rows, int ranks, int rank) {
 
 /// Returns the rows of all ranks in the order of the whole model: rows with a residual first, in the order in which
 /// they are dealt.
-std::vector<DealtRow> row_order(const std::vector<RankRows>& ranks);
+std::vector<DealtRow> row_order(const std::vector<RowCounts>& ranks);
 
 /// Returns the part of the model that a rank is dealt. Shared weights and PPISP are part of every one.
 Gaussians dealt_part(const Gaussians& model, int ranks, int rank);
@@ -38,6 +33,6 @@ Gaussians joined(const std::vector<Gaussians>& parts);
 
 /// Returns how many Gaussians each rank may have when all have `total`: as evenly as can be without taking any
 /// away. One without any gets none.
-std::vector<std::int64_t> even_shares(const std::vector<RankRows>& ranks, std::int64_t total);
+std::vector<std::int64_t> even_shares(const std::vector<RowCounts>& ranks, std::int64_t total);
 
 }  // namespace gs

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "kernels/core/clock.h"
-#include "kernels/ranks/rank_array.h"
+#include "kernels/core/device_array.h"
 
 namespace gs {
 namespace {
@@ -17,11 +17,11 @@ constexpr std::size_t kSmall = 16;
 constexpr int kLargeExchanges = 7, kSmallExchanges = 201;
 
 /// Returns the median time of `count` exchanges of `size` bytes with each other rank, after two to warm up.
-double median_exchange(Communicator& ranks, RankDevice* device, std::size_t size, int count) {
+double median_exchange(Communicator& ranks, DeviceStream* device, std::size_t size, int count) {
     const std::size_t num_ranks = std::size_t(ranks.size());
-    RankArray<std::byte> sent(device);
+    DeviceArray<std::byte> sent(device);
     sent.assign(std::vector<std::byte>(size));
-    std::vector<RankArray<std::byte>> received;
+    std::vector<DeviceArray<std::byte>> received;
     std::vector<ConstBytes> out(num_ranks);
     std::vector<Bytes> in(num_ranks);
     for (std::size_t r = 0; r < num_ranks; ++r) {
@@ -44,7 +44,7 @@ double median_exchange(Communicator& ranks, RankDevice* device, std::size_t size
 
 }  // namespace
 
-LinkSpeed measure_link(Communicator& ranks, RankDevice* device) {
+LinkSpeed measure_link(Communicator& ranks, DeviceStream* device) {
     if (ranks.size() == 1) return {};
     const std::size_t others = std::size_t(ranks.size() - 1), size = kSent / others;
     LinkSpeed speed;

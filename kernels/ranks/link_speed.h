@@ -17,6 +17,6 @@ struct LinkSpeed {
 
 /// Measures the connection, from the memory of `device` to that of the other ranks', or between hosts where it is null.
 /// All ranks must call it.
-LinkSpeed measure_link(Communicator& ranks, RankDevice* device);
+LinkSpeed measure_link(Communicator& ranks, DeviceStream* device);
 
 }  // namespace gs

@@ -42,20 +42,15 @@ auto reads(MessageReader& from) {
 }  // namespace
 
 void put(MessageWriter& to, const StepRequest& request) { visit_step(request, writes(to)); }
-StepRequest get_step(MessageReader& from) {
-    StepRequest request;
-    visit_step(request, reads(from));
-    return request;
-}
+void get(MessageReader& from, StepRequest& request) { visit_step(request, reads(from)); }
 
 void put(MessageWriter& to, const std::vector<StepRequest>& requests) {
     to.put(std::uint64_t(requests.size()));
     for (const StepRequest& request : requests) put(to, request);
 }
-std::vector<StepRequest> get_steps(MessageReader& from) {
-    std::vector<StepRequest> requests(from.get<std::uint64_t>());
-    for (StepRequest& request : requests) request = get_step(from);
-    return requests;
+void get(MessageReader& from, std::vector<StepRequest>& requests) {
+    requests.resize(from.get<std::uint64_t>());
+    for (StepRequest& request : requests) get(from, request);
 }
 
 void put(MessageWriter& to, const Gaussians& model) {
@@ -67,17 +62,9 @@ void put(MessageWriter& to, const Gaussians& model) {
     to.reserve(most);
     visit_model(model, writes(to));
 }
-Gaussians get_gaussians(MessageReader& from) {
-    Gaussians model;
-    visit_model(model, reads(from));
-    return model;
-}
+void get(MessageReader& from, Gaussians& model) { visit_model(model, reads(from)); }
 
 void put(MessageWriter& to, const PpispState& state) { visit_ppisp(state, writes(to)); }
-PpispState get_ppisp(MessageReader& from) {
-    PpispState state;
-    visit_ppisp(state, reads(from));
-    return state;
-}
+void get(MessageReader& from, PpispState& state) { visit_ppisp(state, reads(from)); }
 
 }  // namespace gs

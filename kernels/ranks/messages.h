@@ -7,15 +7,15 @@
 
 namespace gs {
 
-/// A step without the pixels of its target, which the rank that renders the view reads by the target's id.
+/// A step goes without the pixels of its target, which the rank that renders the view reads by the target's id.
 void put(MessageWriter& to, const StepRequest& request);
-StepRequest get_step(MessageReader& from);
+void get(MessageReader& from, StepRequest& request);
 void put(MessageWriter& to, const std::vector<StepRequest>& requests);
-std::vector<StepRequest> get_steps(MessageReader& from);
+void get(MessageReader& from, std::vector<StepRequest>& requests);
 
 void put(MessageWriter& to, const Gaussians& model);
-Gaussians get_gaussians(MessageReader& from);
+void get(MessageReader& from, Gaussians& model);
 void put(MessageWriter& to, const PpispState& state);
-PpispState get_ppisp(MessageReader& from);
+void get(MessageReader& from, PpispState& state);
 
 }  // namespace gs

@@ -66,7 +66,7 @@ class NcclLink final : public DeviceLink {
 
     std::string name() const override { return "NCCL " + nccl_.version; }
 
-    void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) override {
+    void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, DeviceStream& device) override {
         finish();
         const auto stream = static_cast<cudaStream_t>(device.begin_transfer());
         or_break_off([&] {

@@ -1,181 +1,213 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a backend does for a training over several ranks, each of which holds a part of the Gaussians
-// (docs/math/ranks.md).
+// A rank's part of a model, and of what all ranks do together.
 #pragma once
 
-#include <vector>
+#include <deque>
+#include <functional>
+#include <utility>
 
-#include "kernels/blend/residual_score.h"
-#include "kernels/core/parallel.h"
+#include "kernels/core/clock.h"
+#include "kernels/core/process_use.h"
+#include "kernels/engine.h"
+#include "kernels/ranks/communicator.h"
 #include "kernels/ranks/dealt_rows.h"
-#include "kernels/ranks/rank_array.h"
-#include "kernels/ranks/view_report.h"
-#include "kernels/requests.h"
-#include "kernels/splat/wire_splat.h"
+#include "kernels/ranks/link_speed.h"
+#include "kernels/ranks/splat_rooms.h"
+#include "kernels/splat/projected_view.h"
 
 namespace gs {
 
-/// The splats of some Gaussians in one view, in the order of their rows.
-struct ProjectedView {
-    /// Makes an empty one in the memory of `device`, or of the host where that is null.
-    explicit ProjectedView(RankDevice* device = nullptr) : splats(device), rows(device), places(device) {}
+/// Brings the pixels of a step's target. They stay as long as the request, by StepRequest::pixels or otherwise.
+using TargetSource = std::function<void(StepRequest& request)>;
 
-    RankArray<WireSplat> splats;
-    RankArray<std::uint32_t> rows;       ///< of the splats, but not of a step's on a device
-    RankArray<SplatPlaces> places;       ///< of a step's on a device: (Gaussians / 32, rounded up)
-    std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
+/// What the steps of a rank have cost since the last look.
+struct RankCosts {
+    std::int64_t steps = 0;
+    double seconds = 0;
+    double cpu_seconds = 0;  ///< of all threads of the process
+    Traffic traffic;         ///< of these steps, the commands of rank 0 included
+    double splats_sent = 0;  ///< with what fills room, and those of repeated steps
 };
 
-/// The splats of a view in parts, one from each rank in the order of the ranks, and what is summed up for each of them.
-using SplatParts = std::vector<const RankArray<WireSplat>*>;
-template <class Sum> using SumParts = std::vector<RankArray<Sum>*>;
-using RowParts = std::vector<RankArray<std::uint32_t>>;
-
-inline std::size_t num_splats(const SplatParts& parts) {
-    std::size_t sum = 0;
-    for (const auto* part : parts) sum += part->size();
-    return sum;
-}
-/// Calls write(k, sum) for the k-th of all splats, where sums are on the host.
-template <class Sum, class Write> void write_sums(const SplatParts& splats, const SumParts<Sum>& sums, Write&& write) {
-    std::int64_t first = 0;
-    for (std::size_t part = 0; part < splats.size(); ++part) {
-        const auto size = std::int64_t(splats[part]->size());
-        Sum* const out = sums[part]->resize(std::size_t(size));
-        parallel_for_rows(size, [&](std::int64_t k) { write(first + k, out[k]); });
-        first += size;
-    }
-}
-
-/// Places in memory that the device uses for other things at other times; null where there are none.
-struct ScratchPlaces {
-    std::byte* splats = nullptr;  ///< what lies here is lost when loss_of_splats() has read its splats
-    std::byte* sums = nullptr;    ///< this is free when loss_of_splats() writes sums, and then until the next view
+/// A view as the Gaussians are projected for it.
+struct ShownView {
+    CameraParams<float> camera;
+    RenderMode mode = RenderMode::kFull;
+    bool for_step = false;
+    std::int64_t id = -1;          ///< of a training view
+    ViewReport* report = nullptr;  ///< of a step's view
 };
 
-/// The sums of one splat over the pixels of a view that say what its residual is worth.
-struct ResidualSplatSums {
-    float weight;          ///< of the view's mask
-    Vec3<float> gradient;  ///< of half the squared error by the colour
+/// Sums over pixels of splats in several views: in the host's memory, or on a device in the place of the splats.
+template <class Sum> struct SumsOfViews {
+    DeviceStream* device = nullptr;          ///< null for the host
+    std::vector<DeviceArray<Sum>> computed;  ///< by rank: of the splats that came from there
+    std::vector<DeviceArray<Sum>> of_view;   ///< by view: of the rank's own splats
+    SumParts<Sum> parts;                     ///< of the view that this rank renders: of all its splats
 };
 
-/// Adds what a view says of the residuals of a rank's Gaussians to `totals` (rows with a residual). `bases` are the
-/// colours of all rows without a residual.
-inline void add_view_to(std::vector<ResidualSums>& totals, const ProjectedView& projected,
-                        std::span<const ResidualSplatSums> sums, const std::vector<Vec3<float>>& bases) {
-    std::vector<WireSplat> copied_splats;
-    std::vector<std::uint32_t> copied_rows;
-    const auto splats = projected.splats.on_host(copied_splats);
-    const auto rows = projected.rows.on_host(copied_rows);
-    parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t k) {
-        const std::uint32_t row = rows[k];
-        if (row >= totals.size() || !(sums[k].weight > 0)) return;
-        const WireSplat& s = splats[k];
-        totals[row].add(sums[k].weight, sums[k].gradient, {s.red, s.green, s.blue}, bases[row]);
-    });
-}
-
-/// Returns the colours that Gaussians with these base colours (n, 3) show without a residual.
-inline std::vector<Vec3<float>> shown_bases(const std::vector<float>& bases, ColorActivation activation) {
-    std::vector<Vec3<float>> out;
-    for (std::size_t i = 0; i < bases.size(); i += 3)
-        out.push_back(activate(activation, Vec3<float>{bases[i], bases[i + 1], bases[i + 2]}));
-    return out;
-}
-
-/// Returns the number of values of a rank's gradient of so many shared weights: arrays that pass between ranks begin at
-/// multiples of 16 bytes.
-constexpr std::size_t shared_row(std::size_t num_weights) { return (num_weights + 3) / 4 * 4; }
-
-/// Gradients that were left out because they were not finite.
-struct LeftOut {
-    std::int64_t of_rows = 0;    ///< of the rank's Gaussians
-    std::int64_t of_common = 0;  ///< of shared weights and PPISP: the same on all ranks
+/// What a rank holds, and the costs of its steps since the last report.
+struct RankReport {
+    RankCosts costs;
+    std::int64_t rows = 0;
+    std::int64_t device_bytes = 0;    ///< DeviceModel::memory(); 0 on the CPU
+    std::int64_t resident_bytes = 0;  ///< of the process, at the time of the report
 };
 
-/// The backend of one rank: the Gaussians that it holds, and the views that it renders of splats from all ranks. A view
-/// is rendered in the order in which its splats come where their depths are equal. Splats, their rows, the gradient
-/// sums of a step, reports on its views and the gradients of shared weights lie in the memory of device(); other sums
-/// in the host's.
+/// All ranks call the same functions in the same order and with the same arguments, but for pointers, which only rank 0
+/// passes. Results are for rank 0, unless a function says otherwise; the others get some of them.
 class Shard {
   public:
-    /// Returns the device on which the rank computes, which lives as long as the backend; null where that is the host.
-    virtual RankDevice* device() { return nullptr; }
+    /// `targets` is asked for images that a request does not bring along. All must outlive the object.
+    Shard(Communicator& ranks, Engine& engine, TargetSource targets);
 
-    /// Begins to compute the splats of the rank's Gaussians that touch a tile of the view: for a step, or for a frame,
-    /// which may read residuals in half precision. A device is at work on it until end_projection().
-    virtual void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) = 0;
-    /// Writes the splats of the projection that was begun, the only one, and begins the report on the view unless that
-    /// is null.
-    virtual void end_projection(ProjectedView& out, ViewReport* report) = 0;
-    /// Does the same without waiting for a device: writes `room` splats. Those beyond it are left out, and what they
-    /// leave free reaches no pixel.
-    virtual void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) = 0;
-    /// Makes room for the next view that is rendered for a step, of `splats` splats, and returns places for `placed`
-    /// splats, also of other views, and for as many sums. Unless the view is the `first` one, sums of the last are on
-    /// their way; unless it is the `last` one, there are projections before update_rows().
-    virtual ScratchPlaces room_for_splats(const CameraParams<float>&, std::size_t /*splats*/, std::size_t /*placed*/,
-                                          bool /*first*/, bool /*last*/) {
-        return {};
-    }
-    /// Does what order_on_host() says, where the arrays lie.
-    virtual void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
-                               RankArray<WireSplat>& out) = 0;
+    /// Replaces the model, which is dealt to the ranks.
+    void upload(const Gaussians* model);
+    /// Replaces PPISP, of which every rank has the whole.
+    void upload_ppisp(const PpispState& state);
+    /// Writes the model that the ranks hold.
+    void download(bool with_moments, Gaussians* out);
+    void set_active_degree(int degree) { engine_.set_active_degree(degree); }
+    /// Renders views, view k on rank k modulo their number. The images are those that one rank would render, to the
+    /// bit.
+    void render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>* out);
+    /// Takes a step; view k is rendered by rank k modulo their number. Where devices know the room that splats need,
+    /// and PPISP does not learn, they judge for themselves whether the step is taken, and its judgement is read in the
+    /// next step, or by finish_steps().
+    void step(std::vector<StepRequest> views);
+    /// Completes all steps and reads their judgements, before anything but a step is done with the rank's engine.
+    void finish_steps();
+    /// Returns the number of gradients that were left out since the last call: of all ranks' Gaussians, and of what is
+    /// common to them.
+    std::int64_t take_nonfinite();
+    /// Trains a controller on rank 0.
+    void distill(const StepRequest& request);
+    /// Returns half the squared error of a view, 0 on other ranks.
+    double squared_error(const StepRequest& request);
+    /// Returns the scores of all rows, in the order of the whole model.
+    std::vector<float> scores(const std::vector<RenderRequest>& views);
+    /// Returns what residuals are worth to `num_views` views, for all rows in the order of the whole model.
+    ResidualScores residual_scores(std::uint64_t num_views, const StepSource* step_on);
+    /// Applies the rule of `request`; of each rank there may then be `shares[rank]` Gaussians. Returns the statistics
+    /// of all ranks.
+    DensifyStats densify(DensifyRequest request, const std::vector<std::int64_t>& shares);
+    /// Removes Gaussians that can be told by themselves. Returns the statistics of all ranks.
+    PruneStats prune_nonfinite() { return prune(NonFiniteRows{}); }
+    PruneStats prune_invisible() { return prune(InvisibleRows{}); }
+    /// Keeps the rows with a mark (0 or 1, one per row of the whole model).
+    void keep_rows(const std::vector<std::uint8_t>* marks);
+    void morton_sort() { engine_.morton_sort(); }
+    /// Returns the reports of all ranks, by rank.
+    std::vector<RankReport> take_reports();
+    /// Measures the connection between the ranks (measure_link).
+    LinkSpeed measure_connection();
 
-    /// Renders a view as Backend::render does.
-    virtual void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) = 0;
-    /// Begins to compute the loss of a view and the gradient sums of each splat, which mean nothing if the loss is not
-    /// finite. Adds the gradient of the view's PPISP to `isp_gradient` (PpispState::size()) where it learns. `sums` may
-    /// lie in the memory of `splats`: they are resized after the last use of these. Adds the loss to `report`.
-    virtual void loss_of_splats(const SplatParts& splats, const StepRequest& request,
-                                const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient,
-                                ViewReport* report) = 0;
-    /// Judges the step whose views `reports` are on, (ranks, views) by all ranks (verdict_on). A device does so when it
-    /// comes there, and takes part in no step from one on that has to be repeated until take_back().
-    virtual void judge(const RankArray<ViewReport>& reports) = 0;
-    /// Waits for the oldest judgement that was not read yet, and returns the reports that it is made on.
-    virtual std::vector<ViewReport> read_reports() = 0;
-    /// Notes what was reported on a training view, which any rank may render next. Where this rank rendered it there is
-    /// room for its instances then.
-    virtual void note_view(std::int64_t /*id*/, const ViewReport&, bool /*rendered_here*/) {}
-    /// Takes back the counts of the steps from the oldest on that has to be repeated, on `num_views` views together.
-    virtual void take_back(std::int64_t num_views) = 0;
-    /// Trains a controller as Backend::distill does.
-    virtual void distill_splats(const SplatParts& splats, const StepRequest& request) = 0;
-    virtual double squared_error_of_splats(const SplatParts& splats, const StepRequest& request) = 0;
-    /// Computes what a view adds to the score of each splat (Backend::scores).
-    virtual void scores_of_splats(const SplatParts& splats, const RenderRequest& request,
-                                  const SumParts<double>& scores) = 0;
-    /// Computes what a view says of the residual of each splat (Backend::residual_scores).
-    virtual void residuals_of_splats(const SplatParts& splats, const StepRequest& request,
-                                     const SumParts<ResidualSplatSums>& sums) = 0;
+    /// Learns how many Gaussians every rank has, after they changed.
+    void count_rows();
+    /// Lets the last step take what it waits for from other ranks, if anything.
+    void complete_step();
+    /// Returns whether finish_steps() has something to do: on all ranks the same.
+    bool has_unfinished_steps() const { return !unread_.empty(); }
+    /// Returns the statistics of the steps whose judgements were read, without gradients that were left out.
+    StepStats& stats() { return stats_; }
+    /// Returns the Gaussians of every rank.
+    const std::vector<RowCounts>& rows() const { return rows_; }
+    std::int64_t num_gaussians() const { return num_gaussians_; }
 
-    /// Returns the colours that the rank's Gaussians show without a residual.
-    virtual std::vector<Vec3<float>> colors_without_residual() = 0;
-    virtual ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) = 0;
+    /// The costs of a rank up to the beginning of a step.
+    struct Mark {
+        double seconds, cpu_seconds;
+        Traffic traffic;
+        double splats_sent;
+    };
+    Mark mark() const { return {seconds_now(), cpu_seconds(), ranks_.traffic(), splats_sent_}; }
+    /// Counts what a step has cost since `begin`.
+    void count_step(const Mark& begin);
+    RankCosts take_costs() { return std::exchange(costs_, {}); }
 
-    /// Takes the step of the rank's Gaussians on the mean gradient of `views`, of which `projected` and `sums` hold the
-    /// splats that were projected and what was computed of them, if the last judgement was to take it. Counts it in any
-    /// case. `num_gaussians` counts those of all ranks. Writes the gradient of the shared weights by the rank's
-    /// Gaussians, shared_row() values, which mean nothing in a step that is not taken. A device may still be at work
-    /// when the function returns.
-    virtual void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                             const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
-                             RankArray<float>& shared_gradient) = 0;
-    /// Takes the step of the shared weights after update_rows(), on the same condition. `shared_gradients` (ranks,
-    /// shared_row()) are those of all ranks, which are added up in their order.
-    virtual void update_shared_weights(const std::vector<StepRequest>& views,
-                                       const RankArray<float>& shared_gradients) = 0;
-    /// Takes the step of PPISP, or only counts it where the step was skipped. `gradient` is that of all ranks.
-    virtual void update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) = 0;
-    /// Returns what was left out since the last call.
-    virtual LeftOut take_nonfinite() = 0;
+  private:
+    PruneStats prune(const PruneRequest& request);
+    /// Returns the values of all rows in the order of the whole model on rank 0, and nothing on the others. Each rank
+    /// gives `width` per row.
+    std::vector<float> gather_rows_of_all(const std::vector<float>& values, int width);
+    /// Returns the values of the rank's rows. Rank 0 gives one per row of the whole model, others nothing.
+    std::vector<std::uint8_t> scatter_rows(const std::vector<std::uint8_t>* values);
+    /// Returns the next steps of residual_scores(), at most one for each rank, with pixels on rank 0 alone.
+    std::vector<StepRequest> next_steps(std::size_t first, std::size_t num_views, const StepSource* step_on);
+    /// Takes the step of PPISP on the gradient of all ranks, or only counts it where the step was skipped.
+    void update_ppisp(const std::vector<StepRequest>& views, bool taken);
+    /// Projects `views` and calls view(k) on the rank that renders view k, when its splats are in splats_. With `sums`,
+    /// view(k) fills sums.parts for splats_, and after Communicator::finish() sums.of_view[k] has those of the splats
+    /// of projected_[k], whose memory it may have. Views without sums have their splats in the order of the whole
+    /// model's rows, the others by rank.
+    template <class Sum, class Fn>
+    void render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view);
+    /// Decides where the splats of the views from `first` on will lie, one for each rank, and where their sums: in a
+    /// step in scratch memory as far as nothing else needs it meanwhile, or else in memory of their own.
+    void choose_places(const std::vector<ShownView>& views, std::size_t first, bool foreseen);
+    /// Calls fn(array, room) for the splats of the same views: for those that scratch memory can have with their
+    /// number, or else with 0.
+    template <class Fn> void for_places(const std::vector<ShownView>& views, std::size_t first, Fn&& fn);
+    /// Projects the views from `first` on, one for each rank or until `views` end, and brings those of the view that
+    /// this rank renders to splats_.
+    void gather_splats(const std::vector<ShownView>& views, std::size_t first);
+    /// Sets sums.parts for the view that this rank renders, of those from `first` on, and lets sums lie in their
+    /// places.
+    template <class Sum>
+    void place_sums(const std::vector<ShownView>& views, std::size_t first, SumsOfViews<Sum>& sums);
+    /// Begins to bring the sums of the views from `first` on to the ranks that have the splats, and with the last ones
+    /// of a step its reports to all.
+    template <class Sum>
+    void scatter_sums(std::size_t first, const std::vector<ShownView>& views, SumsOfViews<Sum>& sums);
+    /// Sorts splats_ by their rows in the whole model. All ranks call it, with the view that each of the ranks from 0
+    /// on renders.
+    void order_by_rows(std::size_t first_view, std::size_t num_views);
+    /// Returns the rank that comes `offset` places after this one, in a circle.
+    std::size_t rank_after(std::size_t offset) const;
+    /// Begins to bring the gradients of the shared weights by all ranks to shared_of_all_ranks_; shared_ has the own.
+    void begin_shared();
+    /// Returns whether PPISP learns from a step.
+    bool corrects(const std::vector<StepRequest>& views) const;
+    /// Brings the pixels of a request that has none.
+    void bring_target(StepRequest& request) const;
+    /// Calls fn() on splats that came from other ranks. Where one of these is lost they are not what it sent; then it
+    /// throws what says so instead of the error that comes of it.
+    template <class Fn> auto on_received(Fn&& fn);
+    /// Begins a step: computes the losses of its views, the sums of all splats and isp_gradient_, judges and updates.
+    void begin_step(std::vector<StepRequest> views);
+    /// Reads the oldest judgement that was not read. Where it says so, that step and all after it are taken once more,
+    /// with room; the last of these judgements is not read.
+    void read_judgement();
+    /// Takes notice of what all ranks say of the views of a step: there is room for them then.
+    void note_reports(const std::vector<StepRequest>& views, const std::vector<ViewReport>& reports);
+    /// Returns the room that a rank's splats of a view have.
+    std::size_t room(std::int64_t view, std::size_t rank) const { return rooms_.room(view, rows_[rank].count); }
 
-    /// Removes the rows that `rows` (ascending) does not name.
-    virtual void keep_rows(const std::vector<std::uint32_t>& rows) = 0;
-
-  protected:
-    ~Shard() = default;
+    Communicator& ranks_;
+    Engine& engine_;
+    DeviceStream* const device_;  ///< of the engine, null where it computes on the host
+    const TargetSource targets_;
+    std::vector<RowCounts> rows_;
+    std::int64_t num_gaussians_ = 0;
+    std::size_t isp_size_ = 0;  ///< values of PPISP
+    ColorActivation activation_ = ColorActivation::kRelu;
+    std::int64_t corrections_left_out_ = 0;  ///< steps of PPISP, since take_nonfinite()
+    const bool makes_rooms_;                 ///< for splats of steps, so that nobody waits for their number
+    SplatRooms rooms_;
+    std::vector<ProjectedView> projected_;          ///< per view: the rank's splats
+    std::vector<DeviceArray<WireSplat>> received_;  ///< by rank: splats of the view that is rendered, from the others
+    SplatParts splats_;                             ///< of the view that is rendered
+    DeviceArray<WireSplat> ordered_;                ///< these, by their rows in the whole model
+    SumsOfViews<SplatSums<float>> sums_;            ///< of a step, in the memory of the splats or in scratch memory
+    ScratchPlaces places_;                          ///< of the views that are rendered
+    DeviceArray<ViewReport> reports_, reports_of_all_ranks_;  ///< on the views of a step, (ranks, views)
+    DeviceArray<float> shared_, shared_of_all_ranks_;  ///< gradients of the shared weights, (ranks, shared_row())
+    bool is_incomplete_ = false;                       ///< the last step waits for complete_step()
+    std::deque<std::vector<StepRequest>> unread_;      ///< views of the steps whose judgements were not read, in order
+    StepStats stats_;
+    std::vector<float> isp_gradient_;  ///< by PPISP, of the step
+    double splats_sent_ = 0;           ///< to other ranks, since the beginning
+    RankCosts costs_;
 };
 
 }  // namespace gs

@@ -77,7 +77,7 @@ class ExplainingCommunicator final : public Communicator {
         }
     }
     void transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
-                            RankDevice& device) override {
+                            DeviceStream& device) override {
         explaining([&] { Communicator::transfer_on_device(out, in, device); });
     }
     void finish_on_device() override {

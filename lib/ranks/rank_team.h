@@ -56,7 +56,7 @@ class RankTeam {
     std::unique_ptr<Implementation> implementation_;
 };
 
-/// The messages with which rank 0 begins and ends what the others do: train a scene, hold rows of a model, or leave.
-enum class TeamCall : std::uint8_t { kTrain, kHold, kLeave };
+/// The messages with which rank 0 begins and ends what the others do: hold rows of a model, or leave.
+enum class TeamCall : std::uint8_t { kHold, kLeave };
 
 }  // namespace gs

@@ -33,21 +33,29 @@ BackendOptions backend_options(const TrainOptions& options) {
             .packed_moments = options.appearance_moments == AppearanceMoments::kBf16};
 }
 
-std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
     try_device(device);
     const bool cuda = uses_cuda(device);
     if (!cuda && options.half_residuals)
         throw UsageError("option appearance-storage: fp16 needs a GPU; the CPU computes in fp32");
-    return cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
+    return cuda ? make_cuda_engine(appearance, options) : make_cpu_engine(appearance, options);
+}
+
+std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
+    return std::make_unique<Backend>(make_engine(device, appearance, options));
+}
+
+std::unique_ptr<Engine> choose_engine(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
+    auto engine = make_engine(device, appearance, options);
+    // Why there is no GPU; try_device has said why one that is there is not used.
+    const bool none = device == Device::kAuto && cuda_device_count() == 0;
+    log_info("device: {}{}", engine->traits().device, none ? " (" + cuda_unavailable_reason() + ")" : "");
+    return engine;
 }
 
 std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance,
                                         const BackendOptions& options) {
-    auto backend = make_backend(device, appearance, options);
-    // Why there is no GPU; try_device has said why one that is there is not used.
-    const bool none = device == Device::kAuto && cuda_device_count() == 0;
-    log_info("device: {}{}", backend->describe(), none ? " (" + cuda_unavailable_reason() + ")" : "");
-    return backend;
+    return std::make_unique<Backend>(choose_engine(device, appearance, options));
 }
 
 std::unique_ptr<TensorEngine> choose_tensor_engine(Device device) {

@@ -2,7 +2,7 @@
 // Chooses the device for a model and for its scores.
 #pragma once
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "kernels/tensors/tensor_engine.h"
 #include "lib/core/train_options.h"
 
@@ -18,10 +18,17 @@ void try_device(Device device);
 /// Returns the part of a run's options that concerns the backend.
 BackendOptions backend_options(const TrainOptions& options);
 
-/// Makes the backend. Throws DeviceError for kCuda without a device, UsageError for GPU-only options on the CPU.
+/// Makes the engine of this process. Throws DeviceError for kCuda without a device, UsageError for GPU-only options on
+/// the CPU.
+std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
+
+/// Makes a backend of this process alone. Throws as make_engine does.
 std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
 
-/// Makes the backend as above and logs its device; for a kAuto that found no GPU also the reason.
+/// Makes the engine and logs its device; for a kAuto that found no GPU also the reason. Throws as make_engine does.
+std::unique_ptr<Engine> choose_engine(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
+
+/// Makes a backend of this process alone as choose_engine does.
 std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
 
 /// Makes the engine on which learned metrics compute. Throws DeviceError as make_backend does.

@@ -100,7 +100,7 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, const Momen
     const bool reset = moment.iteration > 0 && !window_.until.reached(moment) &&
                        (multiples_passed(reset_.before(moment), reset_.now(moment), reset_.value()) > 0 ||
                         (moment.before < kExtraReset && moment.position >= kExtraReset && !black_background_));
-    if (adc && reset) backend.reset_opacity();
+    if (adc && reset) backend.densify({OpacityReset{}, 0, 0});
     return change;
 }
 
@@ -116,7 +116,7 @@ bool DensificationSchedule::prunes_by_score(const Moment& moment) const {
 }
 
 void DensificationSchedule::prune(Backend& backend, double ratio, ScheduledChange& change) const {
-    change.pruned_by_score = backend.prune(LowestScores{views_, ratio}).removed;
+    change.pruned_by_score = backend.prune_lowest_scores(views_, ratio);
     change.count = backend.count();
 }
 

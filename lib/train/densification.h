@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/train/timeline.h"
 

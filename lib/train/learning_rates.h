@@ -3,7 +3,7 @@
 #pragma once
 
 #include "appearance/model_info.h"
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 #include "lib/train/timeline.h"

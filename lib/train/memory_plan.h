@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 

@@ -52,7 +52,7 @@ double ModelLimits::view_seconds(Backend& backend, int factor) const {
     timed.resize(std::min(timed.size(), kTimedViews));
     for (std::size_t k = 0; k < timed.size(); ++k)
         timed[k].camera = camera_params(reduced(scene_.train[k].camera, factor));
-    return backend.timer().time_frames(timed, 1);
+    return backend.time_frames(timed, 1);
 }
 
 double ModelLimits::frame_seconds(Backend& backend) const {
@@ -62,7 +62,7 @@ double ModelLimits::frame_seconds(Backend& backend) const {
         const Camera camera = with_size(scene_.train[k * all / used].camera, kFrameWidth, kFrameHeight);
         timed.push_back({.camera = camera_params(camera), .background = background_});
     }
-    return backend.timer().time_frames(timed, kFrameRounds);
+    return backend.time_frames(timed, kFrameRounds);
 }
 
 std::int64_t ModelLimits::cap() const {
@@ -103,9 +103,9 @@ void ModelLimits::prune_to(Backend& backend, std::int64_t most, const char* asks
     const std::int64_t before = backend.count();
     // More than one round only where a hundredth, which always stays, is too much.
     for (std::int64_t count = before; count > most; count = backend.count()) {
-        // LowestScores removes floor(ratio (count - 1)) + 1 (docs/math/densification.md#pruning-by-score).
+        // prune_lowest_scores() removes floor(ratio (count - 1)) + 1 (docs/math/densification.md#pruning-by-score).
         const double ratio = (double(count - most) - 0.5) / double(std::max<std::int64_t>(1, count - 1));
-        if (backend.prune(LowestScores{views(), ratio}).removed == 0) break;
+        if (backend.prune_lowest_scores(views(), ratio) == 0) break;
     }
     if (before > backend.count())
         log_info("{}: {} of {} Gaussians removed, those with the lowest scores", asks, before - backend.count(),

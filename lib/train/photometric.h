@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/model/ppisp_json.h"
 #include "lib/scene/scene.h"

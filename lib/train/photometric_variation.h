@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

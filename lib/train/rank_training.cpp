@@ -10,7 +10,6 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/ranks/message.h"
-#include "kernels/ranks/ranked_backend.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/core/version.h"
@@ -59,46 +58,19 @@ void take_views(MessageReader& message, Scene& scene) {
     }
 }
 
-/// Says at the end what the steps cost.
-class TeamBackend final : public RankedBackend {
-  public:
-    using RankedBackend::RankedBackend;
-    ~TeamBackend() override {
-        constexpr double kMegabyte = 1e6;
-        const RankCosts costs = take_costs();
-        if (costs.steps == 0 || costs.traffic.sent == 0) return;
-        log_info("ranks: rank 0 sent {:.2f} MB in a step and spent {:.0f} % of it in exchanges, waiting included",
-                 costs.traffic.sent / double(costs.steps) / kMegabyte, 100 * costs.traffic.seconds / costs.seconds);
+/// What a rank needs to bring the images of a training's steps.
+struct TrainedScene {
+    TrainedScene(const TrainOptions& run_options, const Scene& loaded, MessageReader& about)
+        : options(run_options), scene(loaded) {
+        about.get(options.seed);  // of several runs each has its own
+        about.get(views_per_step);
+        take_views(about, scene);
     }
+    TrainOptions options;
+    Scene scene;
+    int views_per_step = 1;
+    TrainingViews views{options, scene};
 };
-
-void train_once(RankTeam& team, TrainOptions options, const Scene& loaded, MessageReader begin) {
-    Communicator& ranks = team.communicator();
-    AppearanceSpec appearance;
-    begin.get(appearance.model);
-    begin.get(appearance.max_degree);
-    begin.get(appearance.activation);
-    const auto backend_options = begin.get<BackendOptions>();
-    const auto views_per_step = begin.get<int>();
-    begin.get(options.seed);  // of several runs each has its own
-    Scene scene = loaded;
-    take_views(begin, scene);
-    TrainingViews views(options, scene);
-    views.deal(views_per_step, [&](int k) { return k % team.size() == team.rank(); });
-    choose_device(team, options.device);
-    connect_devices(team, options.device);
-    const auto backend = make_backend(options.device, appearance, backend_options);
-    follow(ranks, *backend, [&](StepRequest& request) {
-        const auto image = views.image_of_rank(request.target.id, request.iteration);
-        const TargetImage target = target_image(*image, request.target.id);
-        if (target.width != request.camera.width || target.height != request.camera.height)
-            throw DataError(fmt::format("the image {} has {}x{} pixels instead of {}x{}",
-                                        scene.train[std::size_t(request.target.id) % scene.train.size()].name,
-                                        target.width, target.height, request.camera.width, request.camera.height));
-        request.target = target;
-        request.pixels = image;
-    });
-}
 
 }  // namespace
 
@@ -107,20 +79,10 @@ void agree_on_options(RankTeam& team, const TrainOptions& options) { team.agree(
 std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
                                              const AppearanceSpec& appearance, const BackendOptions& backend_options) {
     const int batch = views_of_step(options.batch, team);
-    if (team) choose_device(*team, options.device);
-    auto own = choose_backend(options.device, appearance, backend_options);
-    if (!team) {
-        static SingleRank single;
-        return std::make_unique<RankedBackend>(single, std::move(own), batch);
-    }
-    Communicator& ranks = team->communicator();
-    MessageWriter message;
-    message.put(TeamCall::kTrain).put(appearance.model).put(appearance.max_degree).put(appearance.activation);
-    message.put(backend_options).put(batch).put(options.seed);
-    put_views(message, scene);
-    send_to_others(ranks, message);
-    connect_devices(*team, options.device);
-    return std::make_unique<TeamBackend>(ranks, std::move(own), batch);
+    MessageWriter about_targets;
+    about_targets.put(options.seed).put(batch);
+    put_views(about_targets, scene);
+    return make_sharded_backend(team, options.device, appearance, backend_options, batch, about_targets, true);
 }
 
 void follow_training(RankTeam& team, TrainOptions options) {
@@ -130,12 +92,22 @@ void follow_training(RankTeam& team, TrainOptions options) {
         set_num_threads(options.threads);
         SceneOptions choices = scene_options(options);
         choices.scores = false;
-        const Scene scene = load_scene(choices);
-        while (true) {
-            MessageReader message = receive_from_rank_0(team.communicator());
-            if (message.get<TeamCall>() == TeamCall::kLeave) return;
-            train_once(team, options, scene, std::move(message));
-        }
+        const Scene loaded = load_scene(choices);
+        follow_backends(team, [&](MessageReader& about_targets) -> TargetSource {
+            const auto trained = std::make_shared<TrainedScene>(options, loaded, about_targets);
+            trained->views.deal(trained->views_per_step, [&](int k) { return k % team.size() == team.rank(); });
+            return [trained](StepRequest& request) {
+                const auto image = trained->views.image_of_rank(request.target.id, request.iteration);
+                const TargetImage target = target_image(*image, request.target.id);
+                if (target.width != request.camera.width || target.height != request.camera.height)
+                    throw DataError(fmt::format(
+                        "the image {} has {}x{} pixels instead of {}x{}",
+                        trained->scene.train[std::size_t(request.target.id) % trained->scene.train.size()].name,
+                        target.width, target.height, request.camera.width, request.camera.height));
+                request.target = target;
+                request.pixels = image;
+            };
+        });
     });
 }
 

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/ranks/rank_team.h"
 #include "lib/scene/scene.h"

@@ -27,7 +27,7 @@ constexpr std::int64_t kCheckInterval = 100;
 
 void check(Backend& backend, const std::string& model) {
     if (interrupted()) throw Interrupted("interrupted while --appearance auto looked for a model; nothing was trained");
-    backend.prune(NonFiniteRows{});
+    backend.prune_nonfinite();
     if (backend.count() == 0 || backend.take_stats().consecutive_skips >= kCheckInterval / 2)
         throw NumericError("appearance " + model +
                            ": the parameters or the loss of a short training do not stay finite");

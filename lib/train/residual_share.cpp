@@ -121,7 +121,7 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
     const bool last = stage == kNumStages, searches = last && !share_;
     ResidualChange change;
     // With densification over, what cannot be seen now never will be: it takes no part in the share.
-    if (last) change.pruned = backend.prune(InvisibleRows{}).removed;
+    if (last) change.pruned = backend.prune_invisible();
     change.before = change.after = backend.num_residuals();
     const double share = std::pow(share_.value_or(kMostAutoShare), double(stage) / kNumStages);
     std::int64_t kept = std::llround(share * double(backend.count()));

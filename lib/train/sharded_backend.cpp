@@ -20,25 +20,6 @@
 namespace gs {
 namespace {
 
-void hold_once(RankTeam& team, MessageReader begin) {
-    AppearanceSpec appearance;
-    const auto device = begin.get<Device>();
-    begin.get(appearance.model), begin.get(appearance.max_degree), begin.get(appearance.activation);
-    const auto options = begin.get<BackendOptions>();
-    std::vector<Image> targets(begin.get<std::uint64_t>());
-    for (Image& image : targets)
-        begin.get(image.width), begin.get(image.height), begin.get(image.channels), begin.get(image.u8);
-    choose_device(team, device);
-    connect_devices(team, device);
-    const auto backend = make_backend(device, appearance, options);
-    follow(team.communicator(), *backend, [&](StepRequest& request) {
-        const Image& image = targets.at(std::size_t(request.target.id));
-        TargetImage& target = request.target;
-        target.width = image.width, target.height = image.height, target.channels = image.channels;
-        target.u8 = image.u8.data();
-    });
-}
-
 /// Returns the value of an environment variable, empty where it is not set.
 std::string_view variable(const char* name) {
     const char* value = std::getenv(name);
@@ -83,33 +64,57 @@ void connect_devices(RankTeam& team, Device device) {
         log_debug("ranks: splats go from GPU to GPU by {}", link->name());
 }
 
-std::unique_ptr<RankedBackend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
-                                                    const BackendOptions& options, int views_per_step,
-                                                    const std::vector<Image>& targets) {
+std::unique_ptr<Backend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
+                                              const BackendOptions& options, int views_per_step,
+                                              const MessageWriter& about_targets, bool is_announced) {
     if (team) choose_device(*team, device);
-    auto own = make_backend(device, appearance, options);
-    if (!team) {
-        static SingleRank single;
-        return std::make_unique<RankedBackend>(single, std::move(own), views_per_step);
-    }
+    auto engine = (is_announced ? choose_engine : make_engine)(device, appearance, options);
+    if (!team) return std::make_unique<Backend>(std::move(engine), nullptr, views_per_step);
     MessageWriter message;
     message.put(TeamCall::kHold).put(device);
     message.put(appearance.model).put(appearance.max_degree).put(appearance.activation).put(options);
+    send_to_others(team->communicator(), message);
+    send_to_others(team->communicator(), about_targets);
+    connect_devices(*team, device);
+    return std::make_unique<Backend>(std::move(engine), &team->communicator(), views_per_step);
+}
+
+void follow_backends(RankTeam& team, const TargetSourceMaker& make_targets) {
+    while (true) {
+        MessageReader message = receive_from_rank_0(team.communicator());
+        if (message.get<TeamCall>() == TeamCall::kLeave) return;
+        AppearanceSpec appearance;
+        const auto device = message.get<Device>();
+        message.get(appearance.model), message.get(appearance.max_degree), message.get(appearance.activation);
+        const auto options = message.get<BackendOptions>();
+        MessageReader about_targets = receive_from_rank_0(team.communicator());
+        const TargetSource targets = make_targets(about_targets);
+        choose_device(team, device);
+        connect_devices(team, device);
+        const auto engine = make_engine(device, appearance, options);
+        follow(team.communicator(), *engine, targets);
+    }
+}
+
+void put_targets(MessageWriter& message, const std::vector<Image>& targets) {
     message.put(std::uint64_t(targets.size()));
     for (const Image& image : targets) message.put(image.width).put(image.height).put(image.channels).put(image.u8);
-    send_to_others(team->communicator(), message);
-    connect_devices(*team, device);
-    return std::make_unique<RankedBackend>(team->communicator(), std::move(own), views_per_step);
 }
 
 void follow_sharding(RankTeam& team, const std::string& started_as) {
     team.follow([&] {
         team.agree(started_as);
-        while (true) {
-            MessageReader message = receive_from_rank_0(team.communicator());
-            if (message.get<TeamCall>() == TeamCall::kLeave) return;
-            hold_once(team, std::move(message));
-        }
+        follow_backends(team, [](MessageReader& message) -> TargetSource {
+            std::vector<Image> images(message.get<std::uint64_t>());
+            for (Image& image : images)
+                message.get(image.width), message.get(image.height), message.get(image.channels), message.get(image.u8);
+            return [images = std::move(images)](StepRequest& request) {
+                const Image& image = images.at(std::size_t(request.target.id));
+                TargetImage& target = request.target;
+                target.width = image.width, target.height = image.height, target.channels = image.channels;
+                target.u8 = image.u8.data();
+            };
+        });
     });
 }
 

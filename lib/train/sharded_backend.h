@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model whose rows several ranks hold, for commands that render and measure it instead of training a scene.
+// A model whose rows several ranks hold: rank 0's backend, and what the others do.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "kernels/ranks/ranked_backend.h"
+#include "kernels/ranks/backend.h"
+#include "kernels/ranks/message.h"
 #include "lib/core/train_options.h"
 #include "lib/io/image.h"
 #include "lib/ranks/rank_team.h"
@@ -25,17 +27,26 @@ void choose_device(const RankTeam& team, Device device);
 /// cannot. All ranks must call it after choose_device, at the same point of what they say to each other.
 void connect_devices(RankTeam& team, Device device);
 
-/// Makes the backend of rank 0. The other ranks of `team`, which must be in follow_sharding, make theirs; null: there
-/// are none. Steps take up to `views_per_step` views; `targets`, 8-bit, are their photographs by TargetImage::id. The
-/// team must outlive the backend.
-std::unique_ptr<RankedBackend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
-                                                    const BackendOptions& options, int views_per_step = 1,
-                                                    const std::vector<Image>& targets = {});
+/// Makes the backend of rank 0, and logs its device if a training `is_announced`. The other ranks of `team`, which must
+/// be in follow_backends, make their engines; null: there are none. Steps take up to `views_per_step` views;
+/// `about_targets` is for the function by which the others bring their photographs. The team must outlive the backend.
+std::unique_ptr<Backend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
+                                              const BackendOptions& options, int views_per_step = 1,
+                                              const MessageWriter& about_targets = {}, bool is_announced = false);
 
-/// Does the part of a rank other than 0 for one such backend after another until rank 0 ends. `started_as` are the
-/// choices in which it must agree with rank 0 (RankTeam::agree). Throws DeviceError without a message where rank 0
-/// says it.
+/// Makes what brings the photographs of a backend's steps, by what rank 0 says about them.
+using TargetSourceMaker = std::function<TargetSource(MessageReader& about_targets)>;
+
+/// Holds this rank's part of one such backend after another until rank 0 ends. To be called by RankTeam::follow.
+void follow_backends(RankTeam& team, const TargetSourceMaker& make_targets);
+
+/// Does the part of a rank other than 0 of a command that trains no scene: photographs come from rank 0 (put_targets).
+/// `started_as` are the choices in which it must agree with rank 0 (RankTeam::agree). Throws DeviceError without a
+/// message where rank 0 says it.
 void follow_sharding(RankTeam& team, const std::string& started_as);
+
+/// Writes photographs, 8-bit, by TargetImage::id, for the ranks in follow_sharding.
+void put_targets(MessageWriter& message, const std::vector<Image>& targets);
 
 /// Returns the choices in which the ranks of a command must agree: the build and the command's name.
 std::string started_as(const std::string& command);

@@ -2,7 +2,7 @@
 // Composes the request of one training step. Trainer, rehearsal and bench only loop over the result.
 #pragma once
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 #include "lib/train/densification.h"

@@ -2,7 +2,7 @@
 // Presents a decoded view to the loss.
 #pragma once
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

@@ -58,6 +58,14 @@ bool contains(const std::vector<std::int64_t>& list, std::int64_t value) {
     return std::find(list.begin(), list.end(), value) != list.end();
 }
 
+/// Says what the steps of several ranks cost.
+void log_exchanges(const RankCosts& costs) {
+    constexpr double kMegabyte = 1e6;
+    if (costs.steps == 0 || costs.traffic.sent == 0) return;
+    log_info("ranks: rank 0 sent {:.2f} MB in a step and spent {:.0f} % of it in exchanges, waiting included",
+             costs.traffic.sent / double(costs.steps) / kMegabyte, 100 * costs.traffic.seconds / costs.seconds);
+}
+
 class Run {
   public:
     Run(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks)
@@ -188,7 +196,7 @@ class Run {
     /// Removes what is not written: Gaussians that cannot be seen or that a limit forbids, and residuals above the
     /// share.
     void remove_surplus() {
-        backend_->prune(InvisibleRows{});
+        backend_->prune_invisible();
         limits_.prune(*backend_);
         report_residuals(residuals_.at_end(*backend_, steps_on_views(course_.moment())), iteration_);
     }
@@ -585,7 +593,7 @@ class Run {
     }
 
     void prune_nonfinite() {
-        const auto [removed, by_group] = backend_->prune(NonFiniteRows{});
+        const auto [removed, by_group] = backend_->prune_nonfinite();
         if (!removed) return;
         std::string names;
         for (int g = 0; g < kNumGroups; ++g)
@@ -691,6 +699,7 @@ class Run {
         progress_.finish();
         const MemoryUse memory = backend_->memory();
         if (memory.peak > 0) log_debug("{}", memory_report(memory));
+        log_exchanges(backend_->take_costs());
         prune_nonfinite();
         // Before the final pruning: a longer run goes on from here as if it had not stopped. A time limit is better
         // spent on steps than on a file three times as large as the model.

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/progress.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"

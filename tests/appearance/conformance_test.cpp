@@ -5,8 +5,8 @@
 #include <random>
 
 #include "appearance/model_info.h"
-#include "kernels/backend.h"
 #include "kernels/core/error.h"
+#include "kernels/ranks/backend.h"
 
 #include "appearance_types.inc"
 

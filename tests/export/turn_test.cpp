@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "appearance/sh_basis.h"
-#include "kernels/backend.h"
 #include "kernels/core/error.h"
+#include "kernels/ranks/backend.h"
 #include "lib/export/sh_fit.h"
 #include "lib/scene/camera_params.h"
 #include "tests/io/file_helpers.h"

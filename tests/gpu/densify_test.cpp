@@ -6,9 +6,9 @@
 #include <bit>
 
 #include "appearance/model_info.h"
-#include "kernels/backend.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
+#include "kernels/ranks/backend.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {
@@ -259,7 +259,7 @@ TEST_F(CudaDensification, OpacityResetIsTheOneOfTheCpu) {
         Gaussians s = mixed_model(n, 1, 14);
         if (n > 1) s[Group::kOpacity].param[5] = kNan, s[Group::kOpacity].param[6] = kInf;
         const Both both(s);
-        both.cpu->reset_opacity(), both.gpu->reset_opacity();
+        both.cpu->densify({OpacityReset{}, 0, 0}), both.gpu->densify({OpacityReset{}, 0, 0});
         both.expect_same(0, {});
     }
 }
@@ -305,13 +305,13 @@ TEST_F(CudaDensification, PruningRemovesTheRowsOfTheCpu) {
                 if (i % 5 == 0) s[Group::kMean].param[3 * i] = kInf;  // several groups of one row
             }
             const Both both(s);
-            const PruneStats a = both.cpu->prune(NonFiniteRows{}), b = both.gpu->prune(NonFiniteRows{});
+            const PruneStats a = both.cpu->prune_nonfinite(), b = both.gpu->prune_nonfinite();
             EXPECT_EQ(a.removed, b.removed);
             for (int g = 0; g < kNumGroups; ++g) EXPECT_EQ(a.by_group[g], b.by_group[g]) << kGroupNames[g];
             both.expect_same(0, {});
-            EXPECT_EQ(both.cpu->prune(InvisibleRows{}).removed, both.gpu->prune(InvisibleRows{}).removed);
+            EXPECT_EQ(both.cpu->prune_invisible(), both.gpu->prune_invisible());
             both.expect_same(0, {});
-            EXPECT_EQ(both.gpu->prune(InvisibleRows{}).removed, 0);
+            EXPECT_EQ(both.gpu->prune_invisible(), 0);
         }
 }
 
@@ -328,10 +328,10 @@ TEST_F(CudaDensification, AllOperationsFollowEachOther) {
         backend->morton_sort();
         backend->densify({adc, 600, 1});
         backend->densify({mcmc, 700, 1});
-        backend->prune(NonFiniteRows{});
+        backend->prune_nonfinite();
         backend->densify({mcmc, 800, 1});
-        backend->prune(InvisibleRows{});
-        backend->reset_opacity();
+        backend->prune_invisible();
+        backend->densify({OpacityReset{}, 0, 0});
         backend->densify({mcmc, 900, 1});
     }
     both.expect_same(2e-6f, {Group::kMean, Group::kScale, Group::kOpacity});
@@ -358,7 +358,7 @@ TEST_F(CudaDensification, MixedModelsMoveLikeThoseOfTheCpu) {
             both.expect_same(1e-5f, {Group::kOpacity, Group::kScale});
             both.cpu->morton_sort(), both.gpu->morton_sort();
             both.expect_same(1e-5f, {Group::kOpacity, Group::kScale});
-            EXPECT_EQ(both.cpu->prune(InvisibleRows{}).removed, both.gpu->prune(InvisibleRows{}).removed);
+            EXPECT_EQ(both.cpu->prune_invisible(), both.gpu->prune_invisible());
             both.expect_same(1e-5f, {Group::kOpacity, Group::kScale});
             if (n < 1000) continue;
             const Both again(s);
@@ -392,7 +392,7 @@ TEST_F(CudaDensification, BrokenResidualsOfMixedModelsAreFound) {
     s[Group::kResidual].param[24 * 299 + 23] = kNan;
     s[Group::kMean].param[3 * 999] = kInf;
     const Both both(s);
-    const PruneStats a = both.cpu->prune(NonFiniteRows{}), b = both.gpu->prune(NonFiniteRows{});
+    const PruneStats a = both.cpu->prune_nonfinite(), b = both.gpu->prune_nonfinite();
     EXPECT_EQ(b.removed, 2);
     EXPECT_EQ(a.by_group, b.by_group);
     both.expect_same(0, {});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // --deterministic: the same bits again; and images kept on the device or uploaded for every step. Skipped where there
 // is no device.
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
 
 namespace gs::test {

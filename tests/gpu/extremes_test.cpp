@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians at the ends of what floats hold: nothing becomes NaN or infinite that was not, and the image is that of the
 // CPU. Skipped where there is no device.
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
 
 namespace gs::test {

@@ -2,8 +2,8 @@
 // Residuals of Gaussians out of view take their steps late on the device; the CPU backend takes them one by one.
 #include <gtest/gtest.h>
 
-#include "kernels/backend.h"
 #include "kernels/cuda/cuda_device.h"
+#include "kernels/ranks/backend.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

@@ -3,8 +3,8 @@
 // the separate pass against the fused kernels. Bounds on images and gradients as such are in image_test.cpp and
 // step_test.cpp.
 #include "appearance/model_info.h"
-#include "kernels/backend.h"
 #include "kernels/loss/loss.h"
+#include "kernels/ranks/backend.h"
 #include "tests/gpu/gpu_test.h"
 #include "tests/gpu/scenes.h"
 

@@ -43,11 +43,11 @@ TEST_F(GpuMovers, TakeWhatTheyMissedOnRanks) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
         with_ranked_backend(
             ranks, kViews, views.targets(),
-            [&](RankedBackend& backend) {
+            [&](Backend& backend) {
                 expect_missed_steps(
                     backend, views, kViews, [&](const auto& steps) { backend.step_on(steps); }, 1e-4);
             },
-            [&] { return make_cuda_backend(views.model.appearance, {.deterministic = true}); });
+            [&] { return make_cuda_engine(views.model.appearance, {.deterministic = true}); });
     }
 }
 
@@ -64,7 +64,7 @@ TEST_F(GpuMovers, AreTheSameOnAnyNumberOfRanks) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
         with_ranked_backend(
             ranks, kViews, views.targets(),
-            [&](RankedBackend& backend) {
+            [&](Backend& backend) {
                 Gaussians after = train_visible(views, backend);
                 if (ranks == 1) one = after;
                 for_arrays(one, after, [](const auto& x, const auto& y, const std::string& what) {
@@ -74,7 +74,7 @@ TEST_F(GpuMovers, AreTheSameOnAnyNumberOfRanks) {
             [&] {
                 BackendOptions options;
                 options.deterministic = true;
-                return make_cuda_backend(views.model.appearance, options);
+                return make_cuda_engine(views.model.appearance, options);
             });
     }
 }

@@ -40,9 +40,9 @@ Gaussians trained(const RankViews& views, int size, bool by_nccl, const Training
         }
         BackendOptions options;
         options.deterministic = how.fixed_order;
-        std::unique_ptr<Backend> own = make_cuda_backend(views.model.appearance, options);
+        std::unique_ptr<Engine> own = make_cuda_engine(views.model.appearance, options);
         if (ranks.rank() > 0) return follow(ranks, *own, how.in_a_row ? targets_in_a_row(views) : views.targets());
-        RankedBackend backend(ranks, std::move(own), how.views_per_step);
+        Backend backend(std::move(own), &ranks, how.views_per_step);
         after =
             how.in_a_row ? train_in_a_row(views, backend, false, how.views_per_step) : train_with_noise(views, backend);
         EXPECT_EQ(backend.measure_connection().bytes_per_second > 0, size > 1);
@@ -94,7 +94,7 @@ TEST_F(GpuNccl, EndsATrainingWithALostRank) {
     on_ranks(2, [&](Communicator& ranks) {
         use_cuda_device(ranks.rank());
         EXPECT_EQ(connect_devices(ranks, cuda_device_id()), "");
-        std::unique_ptr<Backend> own = make_cuda_backend(views.model.appearance);
+        std::unique_ptr<Engine> own = make_cuda_engine(views.model.appearance);
         // Rank 1 takes no notice in the last step, for whose sums rank 0 waits when it reads what has become of it.
         const auto targets = [&](StepRequest& request) {
             if (request.iteration == kLast) {
@@ -104,7 +104,7 @@ TEST_F(GpuNccl, EndsATrainingWithALostRank) {
             request.target = views.target(request.target.id);
         };
         if (ranks.rank() == 1) return follow(ranks, *own, targets);
-        RankedBackend backend(ranks, std::move(own), kViews);
+        Backend backend(std::move(own), &ranks, kViews);
         backend.upload(views.model);
         std::thread watch([&] {
             std::this_thread::sleep_for(std::chrono::seconds(2));
@@ -132,8 +132,8 @@ TEST_F(GpuNccl, EndsAnExchangeWithALostRank) {
     on_ranks(2, [&](Communicator& ranks) {
         use_cuda_device(ranks.rank());
         EXPECT_EQ(connect_devices(ranks, cuda_device_id()), "");
-        const auto backend = make_cuda_backend(views.model.appearance);
-        RankArray<float> array(backend->shard()->device());
+        const auto engine = make_cuda_engine(views.model.appearance);
+        DeviceArray<float> array(engine->traits().stream);
         array.resize(1 << 20);
         const auto exchange = [&] {
             const std::size_t other = std::size_t(1 - ranks.rank());

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
 
 namespace gs::test {

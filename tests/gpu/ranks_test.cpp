@@ -11,8 +11,8 @@ namespace {
 template <class Fn>
 void on_device(int size, const RankViews& views, Fn&& use, bool fixed_order = false, bool packed_moments = false) {
     with_ranked_backend(size, kViews, views.targets(), use, [&] {
-        return make_cuda_backend(views.model.appearance,
-                                 {.deterministic = fixed_order, .packed_moments = packed_moments});
+        return make_cuda_engine(views.model.appearance,
+                                {.deterministic = fixed_order, .packed_moments = packed_moments});
     });
 }
 
@@ -26,7 +26,7 @@ TEST_P(GpuRanks, HaveTheGradientsThatTheCpuHas) {
     for (const std::int64_t num_residuals : {kRows, std::int64_t(60)}) {
         const RankViews views(info, kRows, num_residuals);
         const auto step = [&](Gaussians& after) {
-            return [&](RankedBackend& backend) {
+            return [&](Backend& backend) {
                 backend.upload(views.model);
                 auto steps = views.steps();
                 steps[0].gather_gradient_stats = true;
@@ -65,7 +65,7 @@ TEST_P(GpuRanks, TakeTheSameStepsInAnyNumber) {
             Gaussians after;
             on_device(
                 ranks, views,
-                [&](RankedBackend& backend) {
+                [&](Backend& backend) {
                     backend.upload(views.model);
                     for (int k = 0; k < 3; ++k) backend.step_on(views.steps());
                     after = backend.download(true);
@@ -97,7 +97,7 @@ TEST_F(GpuRanksOfOneModel, GiveBackTheModelThatTheyWereGiven) {
     for (const std::int64_t rows : {std::int64_t(0), std::int64_t(1), kRows}) {
         RankViews views(info, rows, rows / 3);
         for (const int ranks : {1, 3})
-            on_device(ranks, views, [&](RankedBackend& backend) {
+            on_device(ranks, views, [&](Backend& backend) {
                 backend.upload(views.model);
                 Gaussians after = backend.download(true);
                 expect_equal(views.model, after);
@@ -119,7 +119,7 @@ TEST_F(GpuRanksOfOneModel, RenderAndScoreAsOne) {
     const double error = plain->squared_error(views.step(2));
     for (const int ranks : {1, 2, 3}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        on_device(ranks, views, [&](RankedBackend& backend) {
+        on_device(ranks, views, [&](Backend& backend) {
             backend.upload(views.model);
             RenderedImage other;
             backend.render(requests[1], other);
@@ -146,7 +146,7 @@ TEST_F(GpuRanksOfOneModel, RenderSplatsOfEqualDepthInTheOrderOfTheModel) {
     plain->render_all(requests, expected);
     for (const int ranks : {2, 3, 5}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        on_device(ranks, views, [&](RankedBackend& backend) {
+        on_device(ranks, views, [&](Backend& backend) {
             backend.upload(views.model);
             backend.render_all(requests, found);
             for (std::size_t k = 0; k < kViews; ++k) expect_close(expected[k].rgb, found[k].rgb, 1e-5, "picture");
@@ -160,13 +160,13 @@ TEST_F(GpuRanksOfOneModel, GrowAndPruneTogether) {
     std::vector<RenderRequest> requests(kViews);
     for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
     for (const int ranks : {1, 2, 3})
-        on_device(ranks, views, [&](RankedBackend& backend) {
+        on_device(ranks, views, [&](Backend& backend) {
             backend.upload(views.model);
             McmcParams mcmc;
             mcmc.cap = kRows + 17;
             EXPECT_EQ(backend.densify({mcmc, 1, 42}).count, kRows + 10);
             EXPECT_EQ(backend.densify({mcmc, 2, 42}).count, kRows + 17);
-            const std::int64_t removed = backend.prune(LowestScores{requests, 0.4}).removed;
+            const std::int64_t removed = backend.prune_lowest_scores(requests, 0.4);
             EXPECT_EQ(backend.count(), kRows + 17 - removed);
             EXPECT_GT(removed, 0);
             backend.step_on(views.steps());
@@ -178,21 +178,21 @@ TEST_F(GpuRanksOfOneModel, SkipAStepWhoseLossIsNotFinite) {
     RankViews views(info);
     views.photographs[2][17] = std::nanf("");
     for (const int ranks : {1, 3})
-        on_device(ranks, views, [&](RankedBackend& backend) { expect_skipped_step(views, backend); });
+        on_device(ranks, views, [&](Backend& backend) { expect_skipped_step(views, backend); });
 }
 
 TEST_F(GpuRanksOfOneModel, CountTheGradientsThatTheyLeaveOut) {
     RankViews views(info);
     const auto broken = hide_broken_rows(views);
     for (const int ranks : {1, 3})
-        on_device(ranks, views, [&](RankedBackend& backend) { expect_left_out_gradients(views, broken, backend); });
+        on_device(ranks, views, [&](Backend& backend) { expect_left_out_gradients(views, broken, backend); });
 }
 
 TEST_F(GpuRanksOfOneModel, StepOnViewsThatSomeDoNotRenderAndSomeDoNotShow) {
     // More ranks than views and than rows: some project nothing, and some render nothing.
     const RankViews views(info, 2, 1);
     for (const int ranks : {1, 5})
-        on_device(ranks, views, [&](RankedBackend& backend) {
+        on_device(ranks, views, [&](Backend& backend) {
             backend.upload(views.model);
             backend.step_on(views.steps());
             backend.step_on({views.step(3)});
@@ -204,7 +204,7 @@ TEST_F(GpuRanksOfOneModel, StepOnViewsThatSomeDoNotRenderAndSomeDoNotShow) {
 TEST_F(GpuRanksOfOneModel, CountTheBytesThatRanksOfTheCpuCount) {
     const RankViews views(info, kRows, 90);
     const auto step = [&](Traffic& traffic) {
-        return [&](RankedBackend& backend) {
+        return [&](Backend& backend) {
             backend.upload(views.model);
             backend.step_on(views.steps());
             const RankCosts costs = backend.take_costs();
@@ -230,13 +230,13 @@ TEST_F(GpuRanksOfOneModel, BeginStepsBeforeTheLastOneIsKnown) {
     const RankViews views(info, 20000, 90);
     RankViews large = views;
     for (float& scale : large.model[Group::kScale].param) scale += 4;
-    const auto device_exchanges = [](RankedBackend& backend) { return backend.take_costs().traffic.device_exchanges; };
+    const auto device_exchanges = [](Backend& backend) { return backend.take_costs().traffic.device_exchanges; };
     Gaussians expected;
     on_device(
-        1, views, [&](RankedBackend& backend) { expected = train_in_a_row(large, backend, true); }, true);
+        1, views, [&](Backend& backend) { expected = train_in_a_row(large, backend, true); }, true);
     on_device(
         1, views,
-        [&](RankedBackend& backend) {
+        [&](Backend& backend) {
             train_in_a_row(views, backend);
             EXPECT_GT(device_exchanges(backend), kStepsInARow * kViews) << "views show more than a quarter";
             Gaussians after = train_in_a_row(large, backend);
@@ -262,7 +262,7 @@ TEST_F(GpuRanksOfOneModel, KeepPlaceForViewsThatShowLittle) {
             if (i % 300) p[0] = behind.x, p[1] = behind.y, p[2] = behind.z;
         }
         const auto step = [&](int times, Gaussians& after) {
-            return [&, times](RankedBackend& backend) {
+            return [&, times](Backend& backend) {
                 for (int k = 0; k < times; ++k) {
                     backend.upload(views.model);
                     auto steps = views.steps();
@@ -289,7 +289,7 @@ TEST_F(GpuRanksOfOneModel, RepeatThemselvesToTheBit) {
     for (const bool again : {false, true})
         on_device(
             3, views,
-            [&](RankedBackend& backend) {
+            [&](Backend& backend) {
                 Gaussians after = train_with_noise(views, backend);
                 if (again)
                     expect_equal(first, after);

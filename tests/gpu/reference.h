@@ -17,7 +17,7 @@
 #include <array>
 #include <vector>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "tests/gpu/rounding.h"
 
 namespace gs::test {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scores on the device against the CPU's, and the rows that go by them. Skipped where there is no device.
-#include "kernels/backend.h"
 #include "kernels/densify/densify.h"
+#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
 
 namespace gs::test {
@@ -60,7 +60,7 @@ TEST_P(GpuScoresOf, PruneTheRowsOfTheCpu) {
         gpu->upload(scene.model);
         Gaussians expected = gpu->download(true);
         const std::int64_t removed = remove_lowest_scores(expected, gpu->scores(views_of(scene)), ratio);
-        EXPECT_EQ(gpu->prune(LowestScores{views_of(scene), ratio}).removed, removed) << ratio;
+        EXPECT_EQ(gpu->prune_lowest_scores(views_of(scene), ratio), removed) << ratio;
         expect_same_bits(gpu->download(true), expected);
     }
 }
@@ -93,7 +93,7 @@ TEST_F(GpuScores, OfNothingAreZero) {
     const auto gpu = make_cuda_backend(scene.model.appearance);
     gpu->upload(scene.model);
     EXPECT_EQ(gpu->scores({}), std::vector<float>(200, 0.0f));
-    EXPECT_EQ(gpu->prune(LowestScores{{}, 0.3}).removed, 198) << "a hundredth stays";
+    EXPECT_EQ(gpu->prune_lowest_scores({}, 0.3), 198) << "a hundredth stays";
     EXPECT_EQ(gpu->count(), 2);
 }
 
@@ -118,7 +118,7 @@ TEST_F(GpuScores, ArePrunedByBetweenSteps) {
         for (int k = 0; k < 8; ++k) {
             if (k == 5) {
                 if (backend == waiting.get()) backend->download(true);
-                EXPECT_GE(backend->prune(LowestScores{views_of(scene), 0.8}).removed, 1600);
+                EXPECT_GE(backend->prune_lowest_scores(views_of(scene), 0.8), 1600);
             }
             StepRequest r = step_request(scene.camera, target.image());
             r.iteration = k;

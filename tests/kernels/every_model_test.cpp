@@ -6,8 +6,8 @@
 #include <string>
 
 #include "appearance/model_info.h"
-#include "kernels/backend.h"
 #include "kernels/cuda/cuda_device.h"
+#include "kernels/ranks/backend.h"
 #include "tests/kernels/gradient_check.h"
 
 #include "appearance_types.inc"
@@ -140,7 +140,7 @@ TYPED_TEST(EveryModel, AdcCopiesResidualsAndPruningByScoreMovesThem) {
         EXPECT_EQ(backend->count(), 120);
         RenderRequest view;
         view.camera = cast<float>(camera);
-        EXPECT_GE(backend->prune(LowestScores{{view}, 0.3}).removed, 36);
+        EXPECT_GE(backend->prune_lowest_scores({view}, 0.3), 36);
         const Gaussians after = backend->download(false);
         const int width = s[Group::kResidual].width;
         for (std::int64_t i = 0; i < after.count; ++i) {  // the base colour names the parent

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "kernels/reference_image.h"
 #include "tests/kernels/random_scene.h"
 

@@ -7,9 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/backend.h"
 #include "kernels/optimizer/update_device.h"
-#include "kernels/ranks/ranked_backend.h"
+#include "kernels/ranks/backend.h"
 #include "tests/kernels/rank_views.h"
 
 namespace gs::test {
@@ -167,7 +166,7 @@ inline void expect_that_a_skipped_step_is_missed(Backend& backend, const RankVie
 }
 
 /// Takes three steps for visible Gaussians on narrow views, and expects that those which no view ever showed stayed.
-inline Gaussians train_visible(const RankViews& views, RankedBackend& backend) {
+inline Gaussians train_visible(const RankViews& views, Backend& backend) {
     backend.upload(views.model);
     for (int k = 0; k < 3; ++k) {
         backend.step_on(narrow_steps(views));

@@ -30,7 +30,7 @@ TEST(Movers, TakeWhatTheyMissedOnRanks) {
     const RankViews views(appearance_model("sh"), kRows, 150);
     for (const int ranks : {1, 3}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
             expect_missed_steps(backend, views, kViews, [&](const auto& steps) { backend.step_on(steps); });
         });
     }
@@ -47,7 +47,7 @@ TEST(Movers, AreTheSameOnAnyNumberOfRanks) {
     Gaussians one;
     for (const int ranks : {1, 2, 3}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
             Gaussians after = train_visible(views, backend);
             if (ranks == 1) {
                 one = after;

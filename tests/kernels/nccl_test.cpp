@@ -13,7 +13,7 @@
 #include "kernels/core/error.h"
 #include "kernels/ranks/connect_devices.h"
 #include "kernels/ranks/nccl_library.h"
-#include "tests/kernels/fake_rank_device.h"
+#include "tests/kernels/fake_device_stream.h"
 #include "tests/kernels/rank_threads.h"
 
 namespace gs::test {
@@ -177,7 +177,7 @@ TEST_F(Nccl, EndsAnExchangeThatWaitsForALostRank) {
         EXPECT_EQ(connect_devices(ranks, std::to_string(ranks.rank())), "");
         if (ranks.rank() == 1) return;  // is lost
         FakeDevice device;
-        RankArray<float> array(&device);
+        DeviceArray<float> array(&device);
         array.resize(10);
         const auto exchange = [&] { ranks.exchange({{}, array.bytes()}, {{}, array.bytes()}, &device); };
         expect_abortable(ranks, exchange);

@@ -2,10 +2,10 @@
 // PPISP inside the CPU backend: what is corrected, what learns, and what it finds.
 #include <gtest/gtest.h>
 
-#include "kernels/backend.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/ppisp/ppisp.h"
+#include "kernels/ranks/backend.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs {
@@ -119,11 +119,11 @@ TEST(PpispBackend, IsLeftOutWhereItIsNotAskedForOrNotThere) {
               frames.image(*with, 0, IspMode::kNone, RenderMode::kBaseOnly));
     with->step(frames.step(0, IspMode::kNone, 0.01));
     EXPECT_EQ(with->download(true).ppisp.param, frames.model.ppisp.param);
-    for (const StageCost& cost : with->timer().take_stage_costs()) EXPECT_NE(cost.stage, "PPISP");
+    for (const StageCost& cost : with->measure_stages({})) EXPECT_NE(cost.stage, "PPISP");
     with->step(frames.step(0, IspMode::kFrame, 0));
     EXPECT_EQ(with->download(true).ppisp.param, frames.model.ppisp.param) << "frozen";
     EXPECT_EQ(with->download(true).ppisp.step, 0);
-    EXPECT_EQ(with->timer().take_stage_costs().back().stage, "PPISP");
+    EXPECT_EQ(with->measure_stages({}).back().stage, "PPISP");
     with->upload_ppisp({});
     EXPECT_EQ(frames.image(*with, 0, IspMode::kFrame), raw);
     with->step(frames.step(0, IspMode::kFrame, 0.01));

@@ -5,16 +5,16 @@
 #include <numeric>
 
 #include "kernels/ranks/link_speed.h"
-#include "tests/kernels/fake_rank_device.h"
+#include "tests/kernels/fake_device_stream.h"
 #include "tests/kernels/rank_threads.h"
 
 namespace gs::test {
 namespace {
 
-TEST(RankArray, KeepsItsValuesWhereTheRankComputes) {
+TEST(DeviceArray, KeepsItsValuesWhereTheRankComputes) {
     FakeDevice device;
-    for (RankDevice* where : {static_cast<RankDevice*>(nullptr), static_cast<RankDevice*>(&device)}) {
-        RankArray<int> array(where);
+    for (DeviceStream* where : {static_cast<DeviceStream*>(nullptr), static_cast<DeviceStream*>(&device)}) {
+        DeviceArray<int> array(where);
         std::vector<int> values(5), copy;
         std::iota(values.begin(), values.end(), 1);
         array.assign(values);
@@ -30,12 +30,12 @@ TEST(RankArray, KeepsItsValuesWhereTheRankComputes) {
     }
 }
 
-TEST(RankArray, TakesThePlaceOfAnotherOnADeviceAlone) {
+TEST(DeviceArray, TakesThePlaceOfAnotherOnADeviceAlone) {
     FakeDevice device;
-    for (RankDevice* where : {static_cast<RankDevice*>(nullptr), static_cast<RankDevice*>(&device)}) {
-        RankArray<double> array(where);
+    for (DeviceStream* where : {static_cast<DeviceStream*>(nullptr), static_cast<DeviceStream*>(&device)}) {
+        DeviceArray<double> array(where);
         array.resize(8);
-        RankArray<float> later = RankArray<float>::in_memory_of(array);
+        DeviceArray<float> later = DeviceArray<float>::in_memory_of(array);
         EXPECT_EQ(later.device(), where);
         EXPECT_EQ(later.size(), 0u);
         later.resize(8);
@@ -54,7 +54,7 @@ TEST(Communicator, TakesArraysOfDevicesThroughTheHost) {
             EXPECT_EQ(of_host.device_exchanges, 0);
             // A rank may compute on the host while the others have devices.
             FakeDevice device;
-            RankDevice* const where = ranks.rank() == 1 ? nullptr : &device;
+            DeviceStream* const where = ranks.rank() == 1 ? nullptr : &device;
             for (int k = 0; k < 2; ++k) expect_exchanged(ranks, where);
             const Traffic both = ranks.traffic() - of_host;
             EXPECT_EQ(both.sent, 2 * of_host.sent);
@@ -66,10 +66,10 @@ TEST(Communicator, TakesArraysOfDevicesThroughTheHost) {
     }
 }
 
-TEST(RankArray, LiesWhereItIsTold) {
+TEST(DeviceArray, LiesWhereItIsTold) {
     FakeDevice device;
-    RankArray<float> array(&device);
-    auto same = RankArray<std::uint32_t>::in_memory_of(array);
+    DeviceArray<float> array(&device);
+    auto same = DeviceArray<std::uint32_t>::in_memory_of(array);
     const float* const own = array.resize(4);
     std::vector<float> place(8);
     for (const int at : {0, 4}) {

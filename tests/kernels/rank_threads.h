@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "kernels/ranks/ranked_backend.h"
+#include "kernels/ranks/backend.h"
 #include "kernels/ranks/socket_communicator.h"
 
 namespace gs::test {
@@ -53,9 +53,9 @@ template <class Fn> void on_ranks(int size, Fn&& run) {
 template <class Fn, class Make>
 void with_ranked_backend(int size, int views_per_step, const TargetSource& targets, Fn&& use, Make&& make) {
     on_ranks(size, [&](Communicator& ranks) {
-        std::unique_ptr<Backend> own = make();
+        std::unique_ptr<Engine> own = make();
         if (ranks.rank() > 0) return follow(ranks, *own, targets);
-        RankedBackend backend(ranks, std::move(own), views_per_step);
+        Backend backend(std::move(own), &ranks, views_per_step);
         use(backend);
     });
 }
@@ -64,7 +64,7 @@ void with_ranked_backend(int size, int views_per_step, const TargetSource& targe
 template <class Fn>
 void with_ranked_backend(int size, int views_per_step, const AppearanceSpec& appearance, const TargetSource& targets,
                          Fn&& use) {
-    with_ranked_backend(size, views_per_step, targets, use, [&] { return make_cpu_backend(appearance); });
+    with_ranked_backend(size, views_per_step, targets, use, [&] { return make_cpu_engine(appearance); });
 }
 
 }  // namespace gs::test

@@ -10,10 +10,9 @@
 #include <memory>
 
 #include "appearance/model_info.h"
-#include "kernels/backend.h"
 #include "kernels/model/adam_device.h"
-#include "kernels/ranks/rank_worker.h"
-#include "kernels/ranks/ranked_backend.h"
+#include "kernels/ranks/backend.h"
+#include "kernels/ranks/shard.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {
@@ -165,7 +164,7 @@ inline std::vector<std::int64_t> hide_broken_rows(RankViews& views) {
 /// Takes two steps on all views of a model with hidden broken rows, and expects that the gradients of these are counted
 /// and left out.
 inline void expect_left_out_gradients(const RankViews& views, const std::vector<std::int64_t>& broken,
-                                      RankedBackend& backend) {
+                                      Backend& backend) {
     backend.upload(views.model);
     for (int k = 0; k < 2; ++k) backend.step_on(views.steps());
     backend.synchronize();
@@ -179,7 +178,7 @@ inline void expect_left_out_gradients(const RankViews& views, const std::vector<
 }
 
 /// Takes a step on views of which one has a loss that is not finite, and expects that it changes no parameter.
-inline void expect_skipped_step(const RankViews& views, RankedBackend& backend) {
+inline void expect_skipped_step(const RankViews& views, Backend& backend) {
     backend.upload(views.model);
     backend.step_on(views.steps());
     EXPECT_EQ(backend.take_stats().consecutive_skips, 1);
@@ -190,7 +189,7 @@ inline void expect_skipped_step(const RankViews& views, RankedBackend& backend) 
 }
 
 /// Returns the model after three steps with noise, after each of which it is densified.
-inline Gaussians train_with_noise(const RankViews& views, RankedBackend& backend) {
+inline Gaussians train_with_noise(const RankViews& views, Backend& backend) {
     backend.upload(views.model);
     for (int k = 0; k < 3; ++k) {
         auto steps = views.steps();
@@ -214,7 +213,7 @@ inline RankViews views_in_a_row(const RankViews& views, std::int64_t k) {
 }
 
 /// Returns the model after these steps on the first `num_views` views; with `one_by_one` the host waits for each.
-inline Gaussians train_in_a_row(const RankViews& views, RankedBackend& backend, bool one_by_one = false,
+inline Gaussians train_in_a_row(const RankViews& views, Backend& backend, bool one_by_one = false,
                                 int num_views = kViews) {
     backend.upload(views.model);
     for (int k = 0; k < kStepsInARow; ++k) {

@@ -6,19 +6,18 @@
 
 #include "appearance/neural/neural.h"
 #include "appearance/sh/sh.h"
-#include "kernels/backends/cpu_backend.h"
+#include "kernels/backends/cpu_engine.h"
 #include "kernels/ranks/connect_devices.h"
-#include "tests/kernels/fake_rank_device.h"
+#include "tests/kernels/fake_device_stream.h"
 #include "tests/kernels/rank_threads.h"
 #include "tests/kernels/rank_views.h"
 
 namespace gs::test {
 namespace {
 
-template <class Model> class BackendOnDevice final : public CpuBackend<Model> {
+template <class Model> class EngineOnDevice final : public CpuEngine<Model> {
   public:
-    BackendOnDevice() : CpuBackend<Model>({}) {}
-    RankDevice* device() override { return &device_; }
+    EngineOnDevice() : CpuEngine<Model>({}) { this->traits_.stream = &device_; }
     /// Returns the same places for all views in turn, like a scratch block: each view loses what lay there.
     ScratchPlaces room_for_splats(const CameraParams<float>&, std::size_t splats, std::size_t placed, bool,
                                   bool last) override {
@@ -33,9 +32,12 @@ template <class Model> class BackendOnDevice final : public CpuBackend<Model> {
         return {splats_.data(), sums_.data()};
     }
     /// Afterwards nothing needs the splats that lie in their place.
-    void judge(const RankArray<ViewReport>& reports) override {
+    void update_rows(const DeviceArray<ViewReport>& reports, const std::vector<StepRequest>& views,
+                     const std::vector<ProjectedView>& projected,
+                     const std::vector<DeviceArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                     DeviceArray<float>& shared_gradient) override {
         std::fill(splats_.begin(), splats_.end(), std::byte(0xff));
-        CpuBackend<Model>::judge(reports);
+        CpuEngine<Model>::update_rows(reports, views, projected, sums, num_gaussians, shared_gradient);
     }
 
   private:
@@ -62,13 +64,13 @@ Results results(const RankViews& views, int size, Way way, bool in_a_row) {
             EXPECT_EQ(connect_devices(ranks, std::to_string(ranks.rank())), "");
             EXPECT_NE(ranks.link(), nullptr);
         }
-        std::unique_ptr<Backend> own;
+        std::unique_ptr<Engine> own;
         if (way == Way::kHosts)
-            own = make_cpu_backend(views.model.appearance);
+            own = make_cpu_engine(views.model.appearance);
         else
-            own = std::make_unique<BackendOnDevice<appearance::Sh>>();
+            own = std::make_unique<EngineOnDevice<appearance::Sh>>();
         if (ranks.rank() > 0) return follow(ranks, *own, in_a_row ? targets_in_a_row(views) : views.targets());
-        RankedBackend backend(ranks, std::move(own), kViews);
+        Backend backend(std::move(own), &ranks, kViews);
         found.model = in_a_row ? train_in_a_row(views, backend) : train_with_noise(views, backend);
         found.traffic = backend.take_costs().traffic;
         std::vector<RenderRequest> requests(kViews);
@@ -153,13 +155,13 @@ TEST(RanksOnDevices, EndStepsOfSharedWeightsBeforeTheyForgetThem) {
             if (by_nccl) {
                 EXPECT_EQ(connect_devices(ranks, std::to_string(ranks.rank())), "");
             }
-            std::unique_ptr<Backend> own;
+            std::unique_ptr<Engine> own;
             if (by_nccl)
-                own = std::make_unique<BackendOnDevice<appearance::Neural>>();
+                own = std::make_unique<EngineOnDevice<appearance::Neural>>();
             else
-                own = make_cpu_backend(views.model.appearance);
+                own = make_cpu_engine(views.model.appearance);
             if (ranks.rank() > 0) return follow(ranks, *own, views.targets());
-            RankedBackend backend(ranks, std::move(own), kViews);
+            Backend backend(std::move(own), &ranks, kViews);
             backend.upload(views.model);
             for (int k = 0; k < 5; ++k) {
                 auto steps = views.steps();  // at first there is too little room

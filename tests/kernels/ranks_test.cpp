@@ -27,7 +27,7 @@ TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
     for (const int ranks : {1, 2, 3, 4}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
         Gaussians after;
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
             backend.upload(views.model);
             auto steps = views.steps();
             for (StepRequest& step : steps) {
@@ -62,7 +62,7 @@ TEST_P(EveryModelOnRanks, TrainAsOne) {
         Gaussians one;
         for (const int ranks : {1, 2, 3, 4}) {
             SCOPED_TRACE(std::to_string(ranks) + " ranks, " + std::to_string(num_residuals) + " residuals");
-            with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
                 backend.upload(views.model);
                 for (int k = 0; k < 3; ++k) {
                     auto steps = views.steps();
@@ -109,7 +109,7 @@ TEST(Ranks, GiveBackTheModelThatTheyWereGiven) {
             for (const int ranks : {1, 2, 5}) {
                 SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(num_residuals) + " residuals, " +
                              std::to_string(ranks) + " ranks");
-                with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+                with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](Backend& backend) {
                     backend.upload(views.model);
                     Gaussians after = backend.download(true);
                     expect_equal(views.model, after);
@@ -135,7 +135,7 @@ TEST(Ranks, RenderAndScoreAsOne) {
     const double error = plain->squared_error(views.step(2));
     for (const int ranks : {1, 2, 3}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
             backend.upload(views.model);
             RenderedImage other;
             backend.render(requests[1], other);
@@ -158,7 +158,7 @@ TEST(Ranks, RenderWithTheControllersThatWereTrained) {
         request.camera = views.cameras[0];
         request.isp = {IspMode::kController, -1, 0, 0};
     }
-    with_ranked_backend(2, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+    with_ranked_backend(2, 1, views.model.appearance, views.targets(), [&](Backend& backend) {
         backend.upload(views.model);
         std::vector<RenderedImage> before, after;
         backend.render_all(requests, before);
@@ -188,7 +188,7 @@ TEST(Ranks, RenderManyViewsAsOneDoesToTheBit) {
     plain->render_all(requests, expected);
     for (const int ranks : {1, 2, 3, 8}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](Backend& backend) {
             EXPECT_EQ(backend.views_at_once(), ranks);
             backend.upload(views.model);
             std::vector<RenderedImage> found;
@@ -209,13 +209,13 @@ std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
     constexpr std::size_t kSplat = 48, kSums = 36, kLength = 8, kCall = 4, kCount = 8, kReport = 48, kFloat = 4;
     std::vector<std::vector<std::size_t>> shown;  // splats by rank, by view
     for (int r = 0; r < ranks; ++r) {
-        const auto backend = make_cpu_backend(views.model.appearance);
-        backend->upload(dealt_part(views.model, ranks, r));
+        const auto engine = make_cpu_engine(views.model.appearance);
+        engine->upload(dealt_part(views.model, ranks, r));
         shown.emplace_back();
         for (const auto& camera : views.cameras) {
             ProjectedView projected;
-            backend->shard()->begin_projection(camera, RenderMode::kFull, true);
-            backend->shard()->end_projection(projected, nullptr);
+            engine->begin_projection(camera, RenderMode::kFull, true);
+            engine->end_projection(projected, {}, nullptr);
             shown.back().push_back(projected.splats.size());
         }
     }
@@ -244,7 +244,7 @@ TEST(Ranks, ExchangeWhatTheFormatsOfTheMessagesSay) {
         for (const int ranks : {1, 2, 3}) {
             SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(ranks) + " ranks");
             const std::vector<double> expected = expected_bytes_sent(views, ranks);
-            with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
                 std::vector<StepRequest> steps = views.steps();
                 for (StepRequest& step : steps)  // what is shown stays what it is
                     std::fill_n(step.rates, kNumGroups, 0.0), step.isp_rate = 1e-9;
@@ -284,7 +284,7 @@ TEST(Ranks, AskForEachImageOnce) {
     const ResidualScores expected = plain->residual_scores(kViews, [&](std::size_t view) { return views.step(view); });
     for (const int ranks : {1, 2, 3}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
             backend.upload(views.model);
             std::vector<int> asked(kViews, 0);
             std::vector<float> pixels;  // of the last view alone
@@ -312,15 +312,15 @@ TEST(Ranks, RemoveTheRowsThatOneWouldRemove) {
     const auto remove = [&](Backend& backend) {
         backend.upload(views.model);
         backend.keep_residuals(marks, views.model[Group::kBase].param);
-        const PruneStats broken = backend.prune(NonFiniteRows{});
+        const PruneStats broken = backend.prune_nonfinite();
         EXPECT_EQ(broken.removed, 1);
         EXPECT_EQ(broken.by_group[0], 1);
-        EXPECT_GT(backend.prune(InvisibleRows{}).removed, kRows / 10);
+        EXPECT_GT(backend.prune_invisible(), kRows / 10);
         const std::int64_t before = backend.count();
-        const PruneStats lowest = backend.prune(LowestScores{requests, 0.4});
-        EXPECT_EQ(backend.count(), before - lowest.removed);
+        const std::int64_t lowest = backend.prune_lowest_scores(requests, 0.4);
+        EXPECT_EQ(backend.count(), before - lowest);
         backend.set_active_degree(0);
-        backend.reset_opacity();
+        backend.densify({OpacityReset{}, 0, 0});
         Gaussians after = backend.download(true);
         // Ranks lose different numbers of rows, which changes their order but not which there are.
         std::vector<float> places;
@@ -333,7 +333,7 @@ TEST(Ranks, RemoveTheRowsThatOneWouldRemove) {
     EXPECT_GT(expected.second, 0);
     for (const int ranks : {1, 2, 3})
         with_ranked_backend(ranks, 1, views.model.appearance, views.targets(),
-                            [&](RankedBackend& backend) { EXPECT_EQ(remove(backend), expected) << ranks; });
+                            [&](Backend& backend) { EXPECT_EQ(remove(backend), expected) << ranks; });
 }
 
 TEST(Ranks, GrowToTheCapTogether) {
@@ -341,7 +341,7 @@ TEST(Ranks, GrowToTheCapTogether) {
     for (std::int64_t i = 0; i < kRows; i += 10) views.model[Group::kOpacity].param[i] = -20;
     for (const int ranks : {1, 2, 3, 4}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](Backend& backend) {
             backend.upload(views.model);
             McmcParams mcmc;
             mcmc.cap = kRows + 17;
@@ -366,7 +366,7 @@ TEST(Ranks, CloneAndSplitUpToTheCap) {
     views.model.gradient_sum.assign(kRows, 1.0f), views.model.gradient_count.assign(kRows, 1.0f);
     for (const int ranks : {1, 2, 4}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](Backend& backend) {
             backend.upload(views.model);
             AdcParams adc;
             adc.cap = kRows + 50;
@@ -384,7 +384,7 @@ TEST(Ranks, TrainWhereSomeHaveNothing) {
     const RankViews views(some_model(), 2, 1);
     Gaussians one;
     for (const int ranks : {1, 5}) {
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
             backend.upload(views.model);
             backend.step_on(views.steps());
             backend.densify({McmcParams{}, 1, 42});
@@ -402,7 +402,7 @@ TEST(Ranks, SkipAStepWhoseLossIsNotFinite) {
     views.photographs[2][17] = std::nanf("");
     for (const int ranks : {1, 3})
         with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(),
-                            [&](RankedBackend& backend) { expect_skipped_step(views, backend); });
+                            [&](Backend& backend) { expect_skipped_step(views, backend); });
 }
 
 TEST(Ranks, CountTheGradientsThatTheyLeaveOut) {
@@ -410,14 +410,14 @@ TEST(Ranks, CountTheGradientsThatTheyLeaveOut) {
     const auto broken = hide_broken_rows(views);
     for (const int ranks : {1, 3})
         with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(),
-                            [&](RankedBackend& backend) { expect_left_out_gradients(views, broken, backend); });
+                            [&](Backend& backend) { expect_left_out_gradients(views, broken, backend); });
 }
 
 TEST(Ranks, RepeatThemselvesToTheBit) {
     const RankViews views(some_model(), kRows, 90);
     Gaussians first;
     for (const bool again : {false, true})
-        with_ranked_backend(3, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        with_ranked_backend(3, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
             Gaussians after = train_with_noise(views, backend);
             if (again)
                 expect_equal(first, after);

@@ -5,10 +5,10 @@
 
 #include <numeric>
 
-#include "kernels/backend.h"
 #include "kernels/blend/residual_score.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/residual_handles.h"
+#include "kernels/ranks/backend.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

@@ -4,10 +4,10 @@
 
 #include <limits>
 
-#include "kernels/backend.h"
 #include "kernels/core/parallel.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/score_rule.h"
+#include "kernels/ranks/backend.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {
@@ -189,7 +189,7 @@ TEST(ScoreRule, TheBackendPrunesByTheScoresOfItsViews) {
     backend->upload(s);
     Gaussians expected = backend->download(true);
     const std::int64_t removed = remove_lowest_scores(expected, backend->scores(views), 0.8);
-    EXPECT_EQ(backend->prune(LowestScores{views, 0.8}).removed, removed);
+    EXPECT_EQ(backend->prune_lowest_scores(views, 0.8), removed);
     EXPECT_GE(removed, 240);
     const Gaussians after = backend->download(true);
     EXPECT_EQ(after.count, expected.count);

@@ -9,7 +9,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/train/densification.h"
 #include "lib/train/learning_rates.h"
-#include "tests/train/forwarding_backend.h"
+#include "tests/train/forwarding_engine.h"
 
 namespace gs {
 namespace {
@@ -59,9 +59,9 @@ TEST(Timeline, AMarkThatWasNamedCountsIterations) {
 }
 
 /// Counts densifications and notes the degree.
-class Watched : public test::ForwardingBackend {
+class Watched : public test::ForwardingEngine {
   public:
-    Watched() : ForwardingBackend({"sh", 3, ColorActivation::kRelu}) {}
+    Watched() : ForwardingEngine({"sh", 3, ColorActivation::kRelu}) {}
     void set_active_degree(int degree) override { degrees.push_back(degree); }
     DensifyStats densify(const DensifyRequest& request) override {
         at.push_back(request.iteration);
@@ -75,10 +75,11 @@ class Watched : public test::ForwardingBackend {
 };
 
 Watched walk(const TrainOptions& o) {
-    Watched backend;
+    test::BackendOf<Watched> backend;
+    backend.upload({});
     DensificationSchedule schedule(o, {"sh", 3, ColorActivation::kRelu}, 1, true, {});
     for (std::int64_t k = 0; k < o.iterations; ++k) schedule.before_step(backend, moment_at(o, k));
-    return backend;
+    return std::move(backend.engine());
 }
 
 TEST(Schedules, AShortRunIsComplete) {

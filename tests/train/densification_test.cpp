@@ -4,39 +4,50 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <numeric>
+#include <utility>
+
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
-#include "tests/train/forwarding_backend.h"
+#include "tests/train/forwarding_engine.h"
 
 namespace gs {
 namespace {
 
 /// Writes down every request and does nothing.
-class Watched : public test::ForwardingBackend {
+class Watched : public test::ForwardingEngine {
   public:
-    Watched() : ForwardingBackend({}) {}
+    Watched() : ForwardingEngine({}) {}
     std::int64_t iteration = 0;
-    std::vector<std::pair<std::int64_t, double>> prunings;
+    std::vector<std::pair<std::int64_t, double>> prunings;  ///< iteration, share of the rows
     std::vector<std::string> at_9000;
     std::vector<std::int64_t> sorts;
     std::int64_t grows_until = 0;
     std::size_t num_views = 0;
 
-    std::int64_t count() const override { return 5; }
+    RowCounts counts() const override { return {count, 0}; }
     void set_active_degree(int) override {}
     void morton_sort() override { sorts.push_back(iteration); }
-    DensifyStats densify(const DensifyRequest&) override {
-        note("densify");
-        return {.relocated = 1, .added = iteration < grows_until ? 1 : 0};
+    DensifyStats densify(const DensifyRequest& request) override {
+        const bool resets = std::holds_alternative<OpacityReset>(request.rule);
+        note(resets ? "reset" : "densify");
+        if (resets) return {};
+        return {.relocated = 1, .added = iteration < grows_until ? 1 : 0, .count = count};
     }
-    void reset_opacity() override { note("reset"); }
+    std::optional<std::vector<float>> scores(const std::vector<RenderRequest>& views) override {
+        num_views = views.size();
+        std::vector<float> values(static_cast<std::size_t>(count));
+        std::iota(values.begin(), values.end(), 1.0f);
+        return values;
+    }
     PruneStats prune(const PruneRequest& request) override {
-        const auto& lowest = std::get<LowestScores>(request);
         note("prune");
-        prunings.push_back({iteration, lowest.ratio});
-        num_views = lowest.views.size();
-        return {.removed = 2};
+        const double before = double(std::exchange(count, std::int64_t(std::get<AllBut>(request).rows.size())));
+        prunings.push_back({iteration, std::round(10 - 10 * double(count) / before) / 10});
+        return {};
     }
+    std::int64_t count = 100000;
 
   private:
     void note(const char* what) {
@@ -53,17 +64,18 @@ TrainOptions speedy_options() {
 
 /// Makes all calls of a whole training. Returns the numbers of Gaussians that before_step and
 /// after_step pruned by score.
-std::pair<std::int64_t, std::int64_t> walk(TrainOptions o, Watched& backend) {
+std::pair<std::int64_t, std::int64_t> walk(TrainOptions o, test::BackendOf<Watched>& backend) {
     validate(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, std::vector<RenderRequest>(3));
+    backend.upload({});
     std::pair<std::int64_t, std::int64_t> pruned{0, 0};
     for (std::int64_t k = 0; k < o.iterations; ++k) {
-        backend.iteration = k;
+        backend->iteration = k;
         pruned.first += schedule.before_step(backend, moment_at(o, k)).pruned_by_score;
         const ScheduledChange after = schedule.after_step(backend, moment_at(o, k));
         pruned.second += after.pruned_by_score;
         if (after.pruned_by_score) {
-            EXPECT_EQ(after.count, 5);
+            EXPECT_EQ(after.count, backend->count);
         }
     }
     return pruned;
@@ -72,34 +84,34 @@ std::pair<std::int64_t, std::int64_t> walk(TrainOptions o, Watched& backend) {
 using Prunings = std::vector<std::pair<std::int64_t, double>>;
 
 TEST(SpeedySchedule, IsTheOneOfTheSpec) {
-    Watched backend;
-    EXPECT_EQ(walk(speedy_options(), backend), (std::pair<std::int64_t, std::int64_t>{6, 10}));
-    EXPECT_EQ(backend.prunings, (Prunings{{6000, 0.8},
-                                          {9000, 0.8},
-                                          {12000, 0.8},
-                                          {15000, 0.3},
-                                          {18000, 0.3},
-                                          {21000, 0.3},
-                                          {24000, 0.3},
-                                          {27000, 0.3}}));
-    EXPECT_EQ(backend.num_views, 3u);
-    EXPECT_EQ(backend.at_9000, (std::vector<std::string>{"densify", "prune", "reset"}));
+    test::BackendOf<Watched> backend;
+    EXPECT_EQ(walk(speedy_options(), backend), (std::pair<std::int64_t, std::int64_t>{99200, 666}));
+    EXPECT_EQ(backend->prunings, (Prunings{{6000, 0.8},
+                                           {9000, 0.8},
+                                           {12000, 0.8},
+                                           {15000, 0.3},
+                                           {18000, 0.3},
+                                           {21000, 0.3},
+                                           {24000, 0.3},
+                                           {27000, 0.3}}));
+    EXPECT_EQ(backend->num_views, 3u);
+    EXPECT_EQ(backend->at_9000, (std::vector<std::string>{"densify", "prune", "reset"}));
 }
 
 TEST(SpeedySchedule, FollowsTheEndOfDensificationAndOfTheRun) {
-    Watched backend;
+    test::BackendOf<Watched> backend;
     TrainOptions o = speedy_options();
     o.densify_until_iter = 9000, o.iterations = 15000, o.schedule = ScheduleKind::kFixed;
     walk(o, backend);
-    EXPECT_EQ(backend.prunings, (Prunings{{6000, 0.8}, {9000, 0.8}, {12000, 0.3}}));
+    EXPECT_EQ(backend->prunings, (Prunings{{6000, 0.8}, {9000, 0.8}, {12000, 0.3}}));
 }
 
 TEST(SpeedySchedule, IsSilentUnlessAskedFor) {
-    Watched backend;
+    test::BackendOf<Watched> backend;
     TrainOptions o = speedy_options();
     o.speedy_splat = false;
     walk(o, backend);
-    EXPECT_TRUE(backend.prunings.empty());
+    EXPECT_TRUE(backend->prunings.empty());
 }
 
 /// Returns the iterations from `first` to `last`, `interval` apart.
@@ -112,23 +124,23 @@ std::vector<std::int64_t> every(std::int64_t interval, std::int64_t first, std::
 TEST(MortonSchedule, FollowsGrowthAndThenGoesOnMoreSeldom) {
     TrainOptions o;
     o.source = "builtin:diffuse";
-    Watched backend;
-    backend.grows_until = 2950;
+    test::BackendOf<Watched> backend;
+    backend->grows_until = 2950;
     walk(o, backend);
     std::vector<std::int64_t> expected = {0, 500};
     for (const auto& some : {every(100, 600, 2900), every(500, 3000, 25000)})
         expected.insert(expected.end(), some.begin(), some.end());
-    EXPECT_EQ(backend.sorts, expected);
+    EXPECT_EQ(backend->sorts, expected);
 }
 
 TEST(MortonSchedule, LeavesHundredStepsBetweenSortsOfAShortRun) {
     TrainOptions o;
     o.source = "builtin:diffuse";
     o.iterations = 1000;
-    Watched backend;
-    backend.grows_until = 1000;
+    test::BackendOf<Watched> backend;
+    backend->grows_until = 1000;
     walk(o, backend);
-    EXPECT_EQ(backend.sorts, every(100, 0, 800));
+    EXPECT_EQ(backend->sorts, every(100, 0, 800));
 }
 
 }  // namespace

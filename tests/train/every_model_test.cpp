@@ -14,7 +14,7 @@
 #include "lib/scene/procedural.h"
 #include "lib/train/trainer.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/train/forwarding_backend.h"
+#include "tests/train/forwarding_engine.h"
 
 namespace gs {
 namespace {
@@ -38,18 +38,18 @@ const Scene& glossy_scene() {
 
 /// Trains with the whole residual from the first step on (the schedule would wait for iteration 1000) and writes down
 /// each loss.
-class WatchedBackend : public test::ForwardingBackend {
+class WatchedEngine : public test::ForwardingEngine {
   public:
-    WatchedBackend(const AppearanceSpec& appearance, std::vector<double>& losses)
-        : ForwardingBackend(appearance), degree_(appearance.max_degree), losses_(losses) {}
+    WatchedEngine(const AppearanceSpec& appearance, std::vector<double>& losses)
+        : ForwardingEngine(appearance), degree_(appearance.max_degree), losses_(losses) {}
     void upload(const Gaussians& state) override {
-        ForwardingBackend::upload(state);
-        ForwardingBackend::set_active_degree(degree_);
+        ForwardingEngine::upload(state);
+        ForwardingEngine::set_active_degree(degree_);
     }
     void set_active_degree(int) override {}
     void step(const StepRequest& request) override {
-        ForwardingBackend::step(request);
-        stats_ = ForwardingBackend::take_stats();
+        ForwardingEngine::step(request);
+        stats_ = ForwardingEngine::take_stats();
         losses_.push_back(stats_.loss);
     }
     StepStats take_stats() override { return stats_; }
@@ -74,7 +74,7 @@ void expect_training_works(const ModelInfo& model, ColorActivation activation, c
     std::vector<double> losses;
     TrainHooks hooks;
     hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) {
-        return std::make_unique<WatchedBackend>(appearance, losses);
+        return std::make_unique<test::BackendOf<WatchedEngine>>(appearance, losses);
     };
     Progress progress(ProgressStyle::kSilent);
     train(o, glossy_scene(), open_run(o), progress, hooks);

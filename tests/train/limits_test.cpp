@@ -17,7 +17,7 @@
 #include "lib/train/trainer.h"
 #include "lib/train/training_views.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/train/forwarding_backend.h"
+#include "tests/train/forwarding_engine.h"
 
 namespace gs {
 namespace {
@@ -128,20 +128,20 @@ TEST(SizeLimit, EndsWithAtMostThatManyGaussians) {
 }
 
 /// A device whose frames take a millisecond per 100 Gaussians, and half a millisecond besides.
-class Slow : public test::ForwardingBackend {
+class Slow : public test::ForwardingEngine {
   public:
-    using ForwardingBackend::ForwardingBackend;
+    using ForwardingEngine::ForwardingEngine;
     double time_frames(const std::vector<RenderRequest>& views, int) override {
         EXPECT_EQ(views.at(0).camera.width, 1280);
         EXPECT_EQ(views.at(0).camera.cy, 360);
-        return 5e-4 + 1e-5 * double(count());
+        return 5e-4 + 1e-5 * double(counts().count);
     }
 };
 
 TrainHooks slow_device() {
     TrainHooks hooks;
     hooks.make_backend = [](const AppearanceSpec& appearance, const BackendOptions&) {
-        return std::make_unique<Slow>(appearance);
+        return std::make_unique<test::BackendOf<Slow>>(appearance);
     };
     return hooks;
 }
@@ -173,16 +173,16 @@ TEST(FrameLimit, ALimitThatNoFrameMeetsIsRefused) {
 }
 
 /// Notes the sizes of the targets.
-class Watched : public test::ForwardingBackend {
+class Watched : public test::ForwardingEngine {
   public:
-    using ForwardingBackend::ForwardingBackend;
+    using ForwardingEngine::ForwardingEngine;
     void step(const StepRequest& request) override {
         EXPECT_EQ(request.camera.width, request.target.width);
         EXPECT_EQ(request.camera.height, request.target.height);
         ids[request.target.width].insert(request.target.id);
         fx = request.camera.fx;
         widths.push_back(request.target.width);
-        ForwardingBackend::step(request);
+        ForwardingEngine::step(request);
     }
     std::map<int, std::set<std::int64_t>> ids;
     std::vector<int> widths;
@@ -196,8 +196,8 @@ TEST(CoarseImages, ComeFirstAndAreOtherImages) {
     Watched* watched = nullptr;
     TrainHooks hooks;
     hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) {
-        auto backend = std::make_unique<Watched>(appearance);
-        watched = backend.get();
+        auto backend = std::make_unique<test::BackendOf<Watched>>(appearance);
+        watched = &backend->engine();
         return backend;
     };
     std::vector<int> widths;

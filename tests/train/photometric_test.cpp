@@ -18,7 +18,7 @@
 #include "lib/scene/procedural.h"
 #include "lib/train/trainer.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/train/forwarding_backend.h"
+#include "tests/train/forwarding_engine.h"
 
 namespace gs {
 namespace {
@@ -103,10 +103,10 @@ TEST(PhotometricRate, StartsSlowlyAndFallsByAHundred) {
 }
 
 /// Renders 0.5 everywhere.
-class FlatBackend : public test::ForwardingBackend {
+class FlatEngine : public test::ForwardingEngine {
   public:
-    FlatBackend() : ForwardingBackend({"none", 0, ColorActivation::kRelu}) {}
-    void render(const RenderRequest& request, RenderedImage& out) override {
+    FlatEngine() : ForwardingEngine({"none", 0, ColorActivation::kRelu}) {}
+    void render(const RenderRequest& request, const SplatParts*, RenderedImage& out) override {
         out.width = request.camera.width, out.height = request.camera.height;
         out.rgb.assign(std::size_t(3) * out.width * out.height, 0.5f);
     }
@@ -116,7 +116,7 @@ class FlatBackend : public test::ForwardingBackend {
 PhotometricVariation variation_of(int views, const std::function<double(int, int, int)>& stops) {
     std::vector<View> list(static_cast<std::size_t>(views));
     for (View& view : list) view.camera.width = 32, view.camera.height = 24;
-    FlatBackend backend;
+    test::BackendOf<FlatEngine> backend;
     return measure_variation(backend, list, {0, 0, 0}, [&](std::size_t view) {
         auto image = std::make_shared<ViewImage>();
         image->color = {32, 24, 3, {}, {}};
@@ -180,12 +180,12 @@ TEST(Photometric, RecoversTheExposuresOfTheScene) {
 }
 
 /// Holds PPISP in which frames 0, 1, ... have the exposures of a list in turn.
-class ExposedBackend : public test::ForwardingBackend {
+class ExposedEngine : public test::ForwardingEngine {
   public:
-    explicit ExposedBackend(std::vector<float> exposures)
-        : ForwardingBackend({"none", 0, ColorActivation::kRelu}), exposures_(std::move(exposures)) {}
+    explicit ExposedEngine(std::vector<float> exposures)
+        : ForwardingEngine({"none", 0, ColorActivation::kRelu}), exposures_(std::move(exposures)) {}
     void upload_ppisp(const PpispState&) override {}
-    PpispState download_ppisp() override {
+    PpispState download_ppisp(bool) override {
         PpispState state = identity_ppisp(40, 1);
         for (std::size_t k = 0; k < 40; ++k) state.param[k * kIspFrameValues] = exposures_[k % exposures_.size()];
         return state;
@@ -199,7 +199,8 @@ TEST(Photometric, ViewDependenceWaitsWhereExposuresDiffer) {
     const test::TemporaryFolder tmp;
     const Scene scene = builtin("exposure", 16);
     TrainOptions o = options_for(tmp.path() / "run", 60000);
-    ExposedBackend varied({0.5f, -0.5f, 0.1f}), steady({1.05f, 0.95f});  // a common exposure is not a difference
+    test::BackendOf<ExposedEngine> varied(std::vector{0.5f, -0.5f, 0.1f}),
+        steady(std::vector{1.05f, 0.95f});  // a common exposure is not a difference
     const auto holds = [&](Backend& backend, std::int64_t iteration) {
         return Photometric(o, scene).holds_view_dependence(backend, moment_at(o, iteration));
     };

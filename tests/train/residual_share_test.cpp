@@ -11,7 +11,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/model/appearance_spec.h"
-#include "tests/train/forwarding_backend.h"
+#include "tests/train/forwarding_engine.h"
 
 namespace gs {
 namespace {
@@ -21,18 +21,18 @@ const AppearanceSpec kSh{"sh", 3, ColorActivation::kRelu};
 constexpr float kInvisible = -100;
 
 /// Gaussians whose worth is given, and whose error grows by what the lost residuals were worth.
-class Worthy : public test::ForwardingBackend {
+class Worthy : public test::ForwardingEngine {
   public:
-    explicit Worthy(std::vector<float> worth) : ForwardingBackend(kSh), worth_(std::move(worth)) {}
-    std::int64_t count() const override { return std::int64_t(worth_.size()); }
-    std::int64_t num_residuals() const override { return kept_; }
-    ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) override {
+    explicit Worthy(std::vector<float> worth) : ForwardingEngine(kSh), worth_(std::move(worth)) {}
+    RowCounts counts() const override { return {std::int64_t(worth_.size()), kept_}; }
+    std::optional<ResidualScores> residual_scores(std::size_t num_views, const StepSource& step_on) override {
         for (std::size_t v = 0; v < num_views; ++v) step_on(v);
-        return {worth_, std::vector<float>(3 * worth_.size())};
+        return ResidualScores{worth_, std::vector<float>(3 * worth_.size())};
     }
-    double squared_error(const StepRequest&) override {
+    double squared_error(const StepRequest&, const SplatParts&) override {
         double lost = 0;
-        for (std::int64_t i = kept_; i < count(); ++i) lost += std::isnan(worth_[i]) ? 0 : double(worth_[i]);
+        for (std::int64_t i = kept_; i < std::int64_t(worth_.size()); ++i)
+            lost += std::isnan(worth_[i]) ? 0 : double(worth_[i]);
         return 100 + lost;
     }
     void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override {
@@ -69,11 +69,11 @@ Chosen choose(double share, std::vector<float> worth, double tolerance = 0.1, do
     options.appearance_share = share, options.auto_tolerance = tolerance;
     Scene scene;
     scene.train.resize(3);
-    Worthy backend(std::move(worth));
+    test::BackendOf<Worthy> backend(std::move(worth));
     const ResidualShare residuals(options, kSh, scene);
     const auto change = residuals.before_step(backend, {.iteration = 9, .position = position, .before = position - 1},
                                               [](std::size_t) { return StepRequest{}; });
-    return {change, backend.kept()};
+    return {change, backend->kept()};
 }
 
 const std::vector<float> kWorth = {3, 1, 4, 1, 5, 9, 2, 6, 5, 3};
@@ -105,7 +105,7 @@ TEST(ResidualShare, OfSeveralStagesAtOnceTheLastCounts) {
     options.appearance_share = 0.4;
     Scene scene;
     scene.train.resize(3);
-    Worthy backend(kWorth);
+    test::BackendOf<Worthy> backend(kWorth);
     const ResidualShare residuals(options, kSh, scene);
     const auto change = residuals.before_step(backend, {.iteration = 9, .position = 29000, .before = 0},
                                               [](std::size_t) { return StepRequest{}; });
@@ -151,10 +151,10 @@ TEST(ResidualShare, AtTheEndItIsAShareOfWhatIsLeft) {
     scene.train.resize(3);
     const auto at_end = [&](double share) {
         options.appearance_share = share;
-        Worthy backend(kWorth);
+        test::BackendOf<Worthy> backend(kWorth);
         const auto change =
             ResidualShare(options, kSh, scene).at_end(backend, [](std::size_t) { return StepRequest{}; });
-        return std::pair(change ? change->after : -1, backend.kept());
+        return std::pair(change ? change->after : -1, backend->kept());
     };
     EXPECT_EQ(at_end(0.4), std::pair(std::int64_t(4), std::vector<float>{5, 9, 6, 5}));
     EXPECT_EQ(at_end(1).first, -1) << "all";
@@ -168,7 +168,7 @@ TEST(ResidualShare, AllViewsSayWhatGoesAtTheEnd) {
     Scene scene;
     scene.train.resize(500);
     std::set<std::size_t> seen;
-    Worthy backend(kWorth);
+    test::BackendOf<Worthy> backend(kWorth);
     const ResidualShare share(options, kSh, scene);
     share.at_end(backend, [&](std::size_t view) {
         seen.insert(view);

@@ -23,7 +23,7 @@
 #include "lib/train/trainer.h"
 #include "lib/train/view_order.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/train/forwarding_backend.h"
+#include "tests/train/forwarding_engine.h"
 
 namespace gs {
 namespace {
@@ -374,18 +374,18 @@ TEST(Train, NonFiniteImagesEndTheRunWithTheReason) {
 }
 
 /// Fails at one step, as a device does whose memory is full. Afterwards the model can be read or not, as the test asks.
-class FailingBackend : public test::ForwardingBackend {
+class FailingEngine : public test::ForwardingEngine {
   public:
-    FailingBackend(const AppearanceSpec& appearance, std::int64_t failing_iteration, bool readable)
-        : ForwardingBackend(appearance), failing_iteration_(failing_iteration), readable_(readable) {}
+    FailingEngine(const AppearanceSpec& appearance, std::int64_t failing_iteration, bool readable)
+        : ForwardingEngine(appearance), failing_iteration_(failing_iteration), readable_(readable) {}
     void step(const StepRequest& request) override {
         failed_ = request.iteration == failing_iteration_;
         if (failed_) throw DeviceError("out of device memory: asked for 8 MiB, free 3 MiB");
-        ForwardingBackend::step(request);
+        ForwardingEngine::step(request);
     }
     Gaussians download(bool with_moments) override {
         if (failed_ && !readable_) throw DeviceError("the device is gone");
-        return ForwardingBackend::download(with_moments);
+        return ForwardingEngine::download(with_moments);
     }
 
   private:
@@ -398,7 +398,7 @@ class FailingBackend : public test::ForwardingBackend {
 std::string failure(const TrainOptions& options, std::int64_t failing_iteration, bool readable) {
     TrainHooks hooks;
     hooks.make_backend = [=](const AppearanceSpec& appearance, const BackendOptions&) {
-        return std::make_unique<FailingBackend>(appearance, failing_iteration, readable);
+        return std::make_unique<test::BackendOf<FailingEngine>>(appearance, failing_iteration, readable);
     };
     Progress progress(ProgressStyle::kSilent);
     try {
@@ -632,15 +632,15 @@ TEST(Train, AFolderThatIsRemovedOrReplacedEndsTheRun) {
 }
 
 /// Gives statistics that lag two steps behind until somebody waits, and keeps one image per id.
-class LaggingBackend : public test::ForwardingBackend {
+class LaggingEngine : public test::ForwardingEngine {
   public:
-    using ForwardingBackend::ForwardingBackend;
+    using ForwardingEngine::ForwardingEngine;
     void step(const StepRequest& request) override {
         const TargetImage& t = request.target;
         const std::vector<std::uint8_t> pixels(t.u8, t.u8 + std::size_t(t.width) * t.height * t.channels);
         EXPECT_EQ(kept_.try_emplace(t.id, pixels).first->second, pixels) << "id " << t.id << " stands for two images";
-        ForwardingBackend::step(request);
-        all_.push_back(ForwardingBackend::take_stats());
+        ForwardingEngine::step(request);
+        all_.push_back(ForwardingEngine::take_stats());
     }
     StepStats take_stats() override {
         StepStats sum = told_ ? all_[told_ - 1] : StepStats{};
@@ -670,14 +670,14 @@ TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
     const TrainOptions direct = small_options(tmp.path() / "direct", Strategy::kAdc);
     TrainOptions late = small_options(tmp.path() / "late", Strategy::kAdc);
     run(direct, small_scene());
-    LaggingBackend* backend = nullptr;
+    LaggingEngine* backend = nullptr;
     std::size_t num_images = 0;
     TrainHooks hooks;
     hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions& options) {
         EXPECT_EQ(options.image_budget, std::int64_t(1) << 20);
         EXPECT_TRUE(options.deterministic);
-        auto made = std::make_unique<LaggingBackend>(appearance);
-        backend = made.get();
+        auto made = std::make_unique<test::BackendOf<LaggingEngine>>(appearance);
+        backend = &made->engine();
         return made;
     };
     hooks.evaluate = [&](std::int64_t, Backend&, bool) {

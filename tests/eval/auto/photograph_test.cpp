@@ -5,8 +5,8 @@
 
 #include <cmath>
 
-#include "kernels/backend.h"
 #include "kernels/core/error.h"
+#include "kernels/ranks/backend.h"
 #include "lib/model/appearance_spec.h"
 
 namespace gs {

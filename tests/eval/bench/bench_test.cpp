@@ -17,7 +17,7 @@
 #include "lib/core/options.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
-#include "tests/train/forwarding_backend.h"
+#include "tests/train/forwarding_engine.h"
 
 namespace gs {
 namespace {
@@ -47,28 +47,29 @@ Scene small_scene(Backend& backend, const Gaussians& model) {
 }
 
 /// Writes down every request.
-class WatchedBackend : public test::ForwardingBackend {
+class WatchedEngine : public test::ForwardingEngine {
   public:
-    using ForwardingBackend::ForwardingBackend;
+    explicit WatchedEngine(const AppearanceSpec& appearance) : ForwardingEngine(appearance) {
+        traits_.stage_passes = 2;
+        traits_.ceilings = [] { return Ceilings{1e9, 1e9}; };
+    }
     void step(const StepRequest& request) override {
         steps += "s";
         ids.insert(request.target.id);
         largest_rate = std::max(largest_rate, *std::max_element(request.rates, request.rates + kNumGroups));
         noise = request.noise;
         background = request.background;
-        ForwardingBackend::step(request);
+        ForwardingEngine::step(request);
     }
     void synchronize() override { steps += "."; }
-    int stage_passes() const override { return 2; }
-    void measure_stages(std::optional<int> pass) override {
+    std::vector<StageCost> measure_stages(std::optional<int> pass) override {
         steps += pass ? std::to_string(*pass) : ")";
-        if (pass) ForwardingBackend::take_stage_costs();  // those of a pass are those of all
+        return ForwardingEngine::measure_stages(pass ? 0 : pass);  // those of a pass are those of all
     }
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
         frames.push_back(views.at(0).camera);
         return repeats;
     }
-    Ceilings measure_ceilings() override { return {1e9, 1e9}; }
 
     std::string steps;
     std::set<std::int64_t> ids;
@@ -79,24 +80,24 @@ class WatchedBackend : public test::ForwardingBackend {
 };
 
 TEST(Bench, TimesStepsInARowBeforeAnyMarksAndLeavesTheModelAsItIs) {
-    WatchedBackend backend(kSh);
+    test::BackendOf<WatchedEngine> backend(kSh);
     const Gaussians model = generated_gaussians(60, 1, kSh);
     const Scene scene = small_scene(backend, model);
     const BenchResult result = run_bench(backend, some_options(), scene, model, {.repeat = 3, .frame_repeat = 7});
-    EXPECT_EQ(backend.steps,
-              "sss."
+    EXPECT_EQ(backend->steps,
+              ".sss."
               "sss."
               "s.s.s."
-              "0s.sss.1sss.)"
-              "0s.sss.1sss.)")
+              "0s.0sss.1sss.)"
+              "0s.0sss.1sss.)")
         << "warm-up, in a row, one by one, in passes, the same without residuals";
-    EXPECT_EQ(backend.ids, (std::set<std::int64_t>{0, 2, 5})) << "three of eight views, spread";
-    EXPECT_LT(backend.largest_rate, 1e-7);
-    EXPECT_GT(backend.noise, 0) << "with noise the device has more to do";
-    EXPECT_EQ(backend.background.z, 1);
-    ASSERT_EQ(backend.frames.size(), 2u);
-    EXPECT_EQ(backend.frames[0].width, 24);
-    EXPECT_EQ(backend.frames[1].width, 1280);
+    EXPECT_EQ(backend->ids, (std::set<std::int64_t>{0, 2, 5})) << "three of eight views, spread";
+    EXPECT_LT(backend->largest_rate, 1e-7);
+    EXPECT_GT(backend->noise, 0) << "with noise the device has more to do";
+    EXPECT_EQ(backend->background.z, 1);
+    ASSERT_EQ(backend->frames.size(), 2u);
+    EXPECT_EQ(backend->frames[0].width, 24);
+    EXPECT_EQ(backend->frames[1].width, 1280);
     EXPECT_EQ(result.frames[1].seconds, 7);
     EXPECT_EQ(result.num_gaussians, 60);
     EXPECT_EQ(result.width, 24);
@@ -230,7 +231,7 @@ TEST(Bench, RepeatsByDeviceUnlessTheUserSays) {
 }
 
 TEST(Bench, ComparesBothSettingsOfDeterminismOnlyWhenAsked) {
-    WatchedBackend backend(kSh);
+    test::BackendOf<WatchedEngine> backend(kSh);
     const Gaussians model = generated_gaussians(60, 1, kSh);
     const Scene scene = small_scene(backend, model);
     TrainOptions options = some_options();

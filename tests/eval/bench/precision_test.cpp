@@ -8,8 +8,8 @@
 
 #include "eval/bench/precision_levels.h"
 #include "eval/runs/training_options.h"
-#include "kernels/backend.h"
 #include "kernels/core/error.h"
+#include "kernels/ranks/backend.h"
 #include "kernels/reference_image.h"
 #include "lib/core/options.h"
 #include "lib/scene/camera_params.h"

@@ -12,7 +12,7 @@
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/eval/support/fake_backend.h"
+#include "tests/eval/support/fake_engine.h"
 #include "tests/eval/support/random_weights.h"
 
 namespace gs {
@@ -69,7 +69,7 @@ View view(const std::string& name) {
 
 TEST(Metrics, ReachResultsAndTables) {
     const test::TemporaryFolder folder;
-    test::FakeBackend backend;
+    test::BackendOf<test::FakeEngine> backend;
     EvalOptions options;
     options.run_folder = folder.path();
     options.iteration = 5;

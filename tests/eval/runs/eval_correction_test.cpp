@@ -19,7 +19,7 @@
 #include "lib/core/options.h"
 #include "lib/model/ply.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/eval/support/fake_backend.h"
+#include "tests/eval/support/fake_engine.h"
 
 namespace gs {
 namespace {
@@ -29,9 +29,9 @@ float random_value(int view, int k) {
 }
 
 /// Paints random colours that depend on the camera, and remembers the requested corrections.
-class RandomBackend : public test::FakeBackend {
+class RandomEngine : public test::FakeEngine {
   public:
-    void render(const RenderRequest& request, RenderedImage& out) override {
+    void render(const RenderRequest& request, const SplatParts*, RenderedImage& out) override {
         out.width = request.camera.width, out.height = request.camera.height;
         out.rgb.clear();
         for (int k = 0; k < 3 * out.width * out.height; ++k)
@@ -42,7 +42,7 @@ class RandomBackend : public test::FakeBackend {
     std::vector<IspView> asked;
 };
 
-/// Returns views whose photographs are RandomBackend's pictures, dimmed by `factor(view)` and with 0.1 added to red.
+/// Returns views whose photographs are RandomEngine's pictures, dimmed by `factor(view)` and with 0.1 added to red.
 std::vector<View> dimmed_views(const std::function<float(int)>& factor) {
     std::vector<View> views(3);
     for (int v = 0; v < 3; ++v) {
@@ -63,7 +63,7 @@ std::vector<View> dimmed_views(const std::function<float(int)>& factor) {
 }
 
 double score(const std::vector<View>& views, CorrectionMode mode) {
-    RandomBackend backend;
+    test::BackendOf<RandomEngine> backend;
     EvalOptions options;
     options.correction.mode = mode;
     return evaluate_views(backend, views, {0, 0, 0}, options).psnr;

@@ -15,13 +15,13 @@
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/eval/support/fake_backend.h"
+#include "tests/eval/support/fake_engine.h"
 
 namespace gs {
 namespace {
 
 using nlohmann::json;
-using test::FakeBackend;
+using FakeBackend = test::BackendOf<test::FakeEngine>;
 using test::TemporaryFolder;
 
 /// A view of one colour; the fake backend will paint (red, background, 0).

@@ -9,7 +9,7 @@
 #include "eval/metrics/psnr.h"
 #include "eval/runs/evaluate.h"
 #include "kernels/core/error.h"
-#include "tests/eval/support/fake_backend.h"
+#include "tests/eval/support/fake_engine.h"
 
 namespace gs {
 namespace {
@@ -63,7 +63,7 @@ View view_of(float red, std::uint8_t photograph) {
 }
 
 double psnr_under(const char* protocol, float red, std::uint8_t photograph) {
-    test::FakeBackend backend;
+    test::BackendOf<test::FakeEngine> backend;
     EvalOptions options;
     options.protocol = find_protocol(protocol);
     return evaluate_views(backend, {view_of(red, photograph)}, kBlack, options).psnr;
@@ -78,7 +78,7 @@ TEST(Protocol, EightBitsRoundAndFloatDoesNot) {
 }
 
 TEST(Protocol, TheSsimBorderIsTheProtocols) {
-    test::FakeBackend backend;
+    test::BackendOf<test::FakeEngine> backend;
     const auto ssim_under = [&](const char* protocol) {
         EvalOptions options;
         options.protocol = find_protocol(protocol);
@@ -89,7 +89,7 @@ TEST(Protocol, TheSsimBorderIsTheProtocols) {
 }
 
 TEST(Protocol, FloatTargetsAreCompositedToo) {
-    test::FakeBackend backend;
+    test::BackendOf<test::FakeEngine> backend;
     View view = view_of(0.5f, 0);
     view.load = [] {
         Image image{16, 12, 4, {}, {}};

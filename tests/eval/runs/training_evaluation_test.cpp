@@ -9,12 +9,12 @@
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/eval/support/fake_backend.h"
+#include "tests/eval/support/fake_engine.h"
 
 namespace gs {
 namespace {
 
-class TimedBackend : public test::FakeBackend {
+class TimedEngine : public test::FakeEngine {
   public:
     double time_frames(const std::vector<RenderRequest>&, int repeats) override { return 0.01 * repeats; }
 };
@@ -39,7 +39,7 @@ class TrainingEvaluationTest : public ::testing::Test {
     Scene scene_;
     std::ostringstream bar_, lines_;
     Progress progress_{ProgressStyle::kJsonLines, bar_, lines_, 0};
-    TimedBackend backend_;
+    test::BackendOf<TimedEngine> backend_;
 };
 
 TEST_F(TrainingEvaluationTest, KeepsOnlyScoresOfIntermediateIterations) {

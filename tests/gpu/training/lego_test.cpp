@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "eval/runs/evaluate.h"
-#include "kernels/backend.h"
+#include "kernels/ranks/backend.h"
 #include "lib/core/options.h"
 #include "lib/train/trainer.h"
 #include "tests/core/temporary_folder.h"

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA backend as one rank of a training: projects its Gaussians for others, renders splats of others, and takes
+// The CUDA engine as one rank of a training: projects its Gaussians for others, renders splats of others, and takes
 // the step of its Gaussians on the sums that come back. Splats and sums are in the device's memory.
 #include <algorithm>
 #include <utility>
 
-#include "kernels/backends/cuda_backend.h"
+#include "kernels/backends/cuda_engine.h"
 #include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/core/parallel.h"
 #include "kernels/densify/rows_cuda.h"
@@ -65,7 +65,7 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 
 // --- the rank's Gaussians, for other ranks --------------------------------------------------------------------------
 
-void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) {
+void CudaEngine::begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) {
     // After update_rows() no residual is behind, and what follows is on its stream.
     if (!wire_.is_updating || !in_flight_.empty()) settle();
     const std::int64_t n = model_.count;
@@ -86,13 +86,12 @@ void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode
         select_rows(wire_.cub.reserve(std::max<std::size_t>(bytes, 1)), bytes, n, visible, rows, num_rows, stream_));
 }
 
-void CudaBackend::end_projection(ProjectedView& out, ViewReport* report) {
-    const std::size_t num = model_.count > 0 ? std::size_t(read_back(wire_.num_rows.get(), stream_)) : 0;
-    wire_.is_updating = false;
-    end_projection(out, num, report);
-}
-
-void CudaBackend::end_projection(ProjectedView& out, std::size_t room, ViewReport* report) {
+void CudaEngine::end_projection(ProjectedView& out, std::optional<std::size_t> known, ViewReport* report) {
+    std::size_t room = known.value_or(0);
+    if (!known) {
+        if (model_.count > 0) room = std::size_t(read_back(wire_.num_rows.get(), stream_));
+        wire_.is_updating = false;
+    }
     WireSplats to{out.splats.resize(room), nullptr, nullptr, std::int64_t(room), report};
     if (model_.count == 0) {
         out.rows.resize(0), out.places.resize(0);
@@ -109,8 +108,8 @@ void CudaBackend::end_projection(ProjectedView& out, std::size_t room, ViewRepor
                 wire_.camera, splats_, to, stream_);
 }
 
-ScratchPlaces CudaBackend::room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed,
-                                           bool first, bool last) {
+ScratchPlaces CudaEngine::room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed,
+                                          bool first, bool last) {
     wire_.placed = std::int64_t(placed);
     const std::size_t projected = bytes_of({.layout = Layout::kProjection, .n = model_.count});
     wire_.splats_from = first ? projected : std::max(projected, wire_.sums_end);
@@ -121,21 +120,21 @@ ScratchPlaces CudaBackend::room_for_splats(const CameraParams<float>& camera, st
     return {reinterpret_cast<std::byte*>(wire_.splats), reinterpret_cast<std::byte*>(wire_.sums)};
 }
 
-void CudaBackend::order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
-                                RankArray<WireSplat>& out) {
+void CudaEngine::order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RowCounts>& of_ranks,
+                               DeviceArray<WireSplat>& out) {
     std::vector<SplatsOfRank> parts;
     for (std::size_t r = 0; r < splats.size(); ++r)
         parts.push_back({splats[r]->data(), rows[r].data(), std::int64_t(rows[r].size()), of_ranks[r].num_residuals});
     SplatsOfRank* on_device = wire_.parts.reserve(parts.size());
-    rank_device_.copy(on_device, parts.data(), parts.size() * sizeof(SplatsOfRank));
+    device_stream_.copy(on_device, parts.data(), parts.size() * sizeof(SplatsOfRank));
     merge_splats(parts, on_device, out.resize(num_splats(splats)), stream_);
-    rank_device_.wait();  // `parts` and `rows` end here
+    device_stream_.wait();  // `parts` and `rows` end here
 }
 
 // --- views, of splats from all ranks --------------------------------------------------------------------------------
 
-CudaBins CudaBackend::enqueue_forward(const SplatParts& splats, const RenderRequest& r, bool for_backward,
-                                      std::int64_t most) {
+CudaBins CudaEngine::enqueue_forward(const SplatParts& splats, const RenderRequest& r, bool for_backward,
+                                     std::int64_t most) {
     const auto fill = [&] {
         const PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
         std::int64_t first = 0;
@@ -149,17 +148,12 @@ CudaBins CudaBackend::enqueue_forward(const SplatParts& splats, const RenderRequ
     return enqueue_splats(r.camera, std::int64_t(num_splats(splats)), r.background, for_backward, fill, most);
 }
 
-CudaBins CudaBackend::forward_whole(const SplatParts& splats, const RenderRequest& r, bool for_backward) {
+CudaBins CudaEngine::forward_whole(const SplatParts& splats, const RenderRequest& r, bool for_backward) {
     return forward_whole([&] { return enqueue_forward(splats, r, for_backward); });
 }
 
-void CudaBackend::render_splats(const SplatParts& splats, const RenderRequest& r, RenderedImage& out) {
-    forward_whole(splats, r, false);
-    finish_image(r, out);
-}
-
-void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r, const SumParts<SplatSums<float>>& sums,
-                                 std::vector<float>& isp_gradient, ViewReport* report) {
+void CudaEngine::loss_of_splats(const StepRequest& r, const SplatParts& splats, const SumParts<SplatSums<float>>& sums,
+                                std::vector<float>& isp_gradient, ViewReport* report) {
     const int slot = std::exchange(next_slot_, (next_slot_ + 1) % kInFlight);
     GS_CUDA(cudaEventSynchronize(done_[slot]));
     const DeviceTarget target = images_.get(r.target, slot, stream_);
@@ -180,7 +174,7 @@ void CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r,
     pack_sums_of_splats(sums);
 }
 
-void CudaBackend::judge(const RankArray<ViewReport>& reports) {
+void CudaEngine::judge(const DeviceArray<ViewReport>& reports) {
     if (!wire_.verdict.get()) GS_CUDA(cudaMemsetAsync(wire_.verdict.reserve(1), 0, sizeof(Verdict), stream_));
     if (wire_.read.empty()) wire_.read.push_back(std::make_unique<Judgement>());
     Judgement& judgement = *wire_.unread.emplace_back(std::move(wire_.read.front()));
@@ -194,7 +188,7 @@ void CudaBackend::judge(const RankArray<ViewReport>& reports) {
     wire_.is_updating = true;
 }
 
-std::vector<ViewReport> CudaBackend::read_reports() {
+std::vector<ViewReport> CudaEngine::read_judgement() {
     Judgement& oldest = *wire_.unread.front();
     GS_CUDA(cudaEventSynchronize(oldest.made));
     const auto* const first = reinterpret_cast<const ViewReport*>(oldest.reports.get());
@@ -204,26 +198,35 @@ std::vector<ViewReport> CudaBackend::read_reports() {
     return reports;
 }
 
-void CudaBackend::note_view(std::int64_t id, const ViewReport& report, bool rendered_here) {
-    forecast_.note(id, report.loss.num_instances);
-    if (!rendered_here) return;
-    if (report.lacks_instances)
-        make_room(static_cast<unsigned long long>(report.loss.num_instances));
-    else
-        adapt_room(report.loss.num_instances);
+std::vector<ViewReport> CudaEngine::read_reports(const std::vector<std::int64_t>& ids, int rank) {
+    const std::vector<ViewReport> reports = read_judgement();
+    const std::size_t num_ranks = reports.size() / std::max<std::size_t>(ids.size(), 1);
+    for (const bool lacks : {false, true})  // what is made room for last stays
+        for (std::size_t k = 0; k < ids.size(); ++k) {
+            const std::size_t renderer = k % num_ranks;
+            const ViewReport& report = reports[renderer * ids.size() + k];
+            if ((report.lacks_instances != 0) != lacks) continue;
+            forecast_.note(ids[k], report.loss.num_instances);
+            if (renderer != std::size_t(rank)) continue;
+            if (report.lacks_instances)
+                make_room(static_cast<unsigned long long>(report.loss.num_instances));
+            else
+                adapt_room(report.loss.num_instances);
+        }
+    return reports;
 }
 
-void CudaBackend::take_back(std::int64_t num_views) {
+void CudaEngine::take_back(std::int64_t num_views) {
     GS_CUDA(cudaStreamSynchronize(stream_));
     wire_.is_updating = false;
-    while (!wire_.unread.empty()) read_reports();
+    while (!wire_.unread.empty()) read_judgement();
     GS_CUDA(cudaMemsetAsync(wire_.verdict.get(), 0, sizeof(Verdict), stream_));
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
     meta_.step -= num_views;
     lazy_.reset(meta_.step);
 }
 
-void CudaBackend::enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins) {
+void CudaEngine::enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins) {
     const auto n = std::int64_t(num_splats(splats));
     if (n == 0) return;
     // In a fixed order only splats with an instance are written. Here all are read, and a splat that its owner saw at
@@ -232,15 +235,15 @@ void CudaBackend::enqueue_sums_of_splats(const StepRequest& r, const SplatParts&
     enqueue_sums(r, n, bins);
 }
 
-void CudaBackend::pack_sums_of_splats(const SumParts<SplatSums<float>>& sums) {
+void CudaEngine::pack_sums_of_splats(const SumParts<SplatSums<float>>& sums) {
     const PackedSums* from = sums_;
-    for (RankArray<SplatSums<float>>* part : sums) {
+    for (DeviceArray<SplatSums<float>>* part : sums) {
         pack_sums(from, std::int64_t(part->size()), part->data(), stream_);
         from += part->size();
     }
 }
 
-void CudaBackend::distill_splats(const SplatParts& splats, const StepRequest& r) {
+void CudaEngine::distill_splats(const SplatParts& splats, const StepRequest& r) {
     check_distillation(ppisp_.host(), r.isp);
     forward_whole(splats, view_of(r), true);
     const DeviceTarget target = images_.get(r.target, 0, stream_);
@@ -252,12 +255,16 @@ void CudaBackend::distill_splats(const SplatParts& splats, const StepRequest& r)
     stats_.num_nonfinite_gradients += status.num_nonfinite;
 }
 
-double CudaBackend::squared_error_of_splats(const SplatParts& splats, const StepRequest& r) {
+double CudaEngine::squared_error(const StepRequest& r, const SplatParts& splats) {
     forward_whole(splats, view_of(r), true);
-    return error_of_view(r);
+    DeviceBuffer<double> error;
+    GS_CUDA(cudaMemsetAsync(error.reserve(1), 0, sizeof(double), stream_));
+    enqueue_error(r, error.get());
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    return error.download(1)[0];
 }
 
-void CudaBackend::scores_of_splats(const SplatParts& splats, const RenderRequest& r, const SumParts<double>& scores) {
+void CudaEngine::add_scores(const RenderRequest& r, const SplatParts& splats, const SumParts<double>& scores) {
     CudaScores sums(std::int64_t(num_splats(splats)), stream_);
     const CudaBins bins = forward_whole(splats, {r.camera, r.background, RenderMode::kFull, r.isp}, false);
     const SlotMap slots = binning_.slots();
@@ -267,15 +274,15 @@ void CudaBackend::scores_of_splats(const SplatParts& splats, const RenderRequest
     write_sums(splats, scores, [&](std::int64_t k, double& score) { score = values[std::size_t(k)]; });
 }
 
-void CudaBackend::residuals_of_splats(const SplatParts& splats, const StepRequest& r,
-                                      const SumParts<ResidualSplatSums>& out) {
+void CudaEngine::add_residual_sums(const StepRequest& r, const SplatParts& splats,
+                                   const SumParts<ResidualSplatSums>& out) {
     const auto n = std::int64_t(num_splats(splats));
     std::vector<SplatSums<float>> gradients, weights;
     if (n > 0) {
         const CudaBins bins = forward_whole(splats, view_of(r), true);
         const TargetImage target = enqueue_error(r, nullptr);
         if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
-        RankArray<SplatSums<float>> sums(&rank_device_);
+        DeviceArray<SplatSums<float>> sums(&device_stream_);
         sums.resize(std::size_t(n));
         const auto download_sums = [&](std::vector<SplatSums<float>>& to) {
             enqueue_sums_of_splats(r, splats, bins);
@@ -295,18 +302,11 @@ void CudaBackend::residuals_of_splats(const SplatParts& splats, const StepReques
 
 // --- the step of the rank's Gaussians -------------------------------------------------------------------------------
 
-std::vector<Vec3<float>> CudaBackend::colors_without_residual() {
-    synchronize();
-    return shown_bases(base_colors(), meta_.appearance.activation);
-}
-
-ResidualScores CudaBackend::residual_scores_of_rows(const std::vector<ResidualSums>& totals) {
-    return residual_scores_of(totals, meta_.appearance.activation, base_colors());
-}
-
-void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                              const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
-                              RankArray<float>& shared_gradient) {
+void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::vector<StepRequest>& views,
+                             const std::vector<ProjectedView>& projected,
+                             const std::vector<DeviceArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                             DeviceArray<float>& shared_gradient) {
+    judge(reports);
     wire_.num_gaussians = num_gaussians;
     keep_last_steps(views[0]);
     meta_.step += std::int64_t(views.size());
@@ -327,7 +327,7 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     for (std::size_t v = 0; v < views.size(); ++v)
         step_views.push_back({views[v].camera, projected[v].places.data(), sums[v].data()});
     StepView* on_device = wire_.views.reserve(step_views.size());
-    rank_device_.copy(on_device, step_views.data(), step_views.size() * sizeof(StepView));
+    device_stream_.copy(on_device, step_views.data(), step_views.size() * sizeof(StepView));
     PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
     args.shared = {model_.shared_prepared.get(), shared_sums_};
     kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0]),
@@ -341,17 +341,8 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
                  shared_gradient.data(), stream_);
 }
 
-namespace {
-
-bool learns_correction(const CudaPpisp& ppisp, const std::vector<StepRequest>& views) {
-    return std::any_of(views.begin(), views.end(),
-                       [&](const StepRequest& r) { return ppisp.corrects(r.isp) && r.isp_rate > 0; });
-}
-
-}  // namespace
-
-void CudaBackend::update_shared_weights(const std::vector<StepRequest>& views,
-                                        const RankArray<float>& shared_gradients) {
+void CudaEngine::update_shared_weights(const std::vector<StepRequest>& views,
+                                       const DeviceArray<float>& shared_gradients) {
     const int n = kernels_.shared.count;
     if (n == 0) return;
     const UpdateArgs args = update_args(views[0], meta_.step, 1, int(views.size()));
@@ -361,33 +352,6 @@ void CudaBackend::update_shared_weights(const std::vector<StepRequest>& views,
         model_.shared_v.get(), args.shared_step, args.shared_gains, wire_.verdict.get(), wire_.left_out.get() + 1);
     GS_CUDA_LAUNCHED("step_shared_weights");
     kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
-}
-
-void CudaBackend::update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) {
-    if (!learns_correction(ppisp_, views)) return;
-    for (std::size_t v = 0; v < views.size(); ++v) ppisp_.begin_step();
-    if (!taken) return;
-    synchronize();
-    PpispState state = ppisp_.download(true);  // it is small: the host takes its step
-    if (!step_ppisp(state, gradient, views[0].isp_rate, int(views.size()))) ++wire_.corrections_left_out;
-    ppisp_.upload(state);
-    GS_CUDA(cudaDeviceSynchronize());  // the copies are not on the stream that reads them
-}
-
-LeftOut CudaBackend::take_nonfinite() {
-    synchronize();
-    LeftOut out{0, std::exchange(wire_.corrections_left_out, 0)};
-    if (!wire_.left_out.get()) return out;
-    unsigned counts[2];
-    rank_device_.copy(counts, wire_.left_out.get(), sizeof counts);
-    rank_device_.wait();
-    out.of_rows += counts[0], out.of_common += counts[1];
-    GS_CUDA(cudaMemsetAsync(wire_.left_out.get(), 0, sizeof counts, stream_));
-    return out;
-}
-
-void CudaBackend::keep_rows(const std::vector<std::uint32_t>& rows) {
-    change_rows([&](CudaDensify& d) { return d.keep_rows(rows), 0; });
 }
 
 }  // namespace gs

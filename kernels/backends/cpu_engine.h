@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CPU backend of one appearance model: the rasterizer, the loss, and the fused backward pass, Adam and noise per
+// The CPU engine of one appearance model: the rasterizer, the loss, and the fused backward pass, Adam and noise per
 // Gaussian.
 #pragma once
 
@@ -7,26 +7,25 @@
 #include <utility>
 
 #include "appearance/model_info.h"
-#include "kernels/backend.h"
 #include "kernels/backends/cpu_rasterizer.h"
-#include "kernels/blend/residual_score.h"
 #include "kernels/core/ceilings.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/residual_handles.h"
+#include "kernels/engine.h"
 #include "kernels/loss/loss.h"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/ppisp/ppisp.h"
-#include "kernels/ranks/splat_order.h"
+#include "kernels/splat/splat_order.h"
 
 namespace gs {
 
-template <class Model> class CpuBackend : public Backend, public Shard, private BackendTimer {
+template <class Model> class CpuEngine : public Engine {
   public:
     /// Takes only the cutoffs of `options`. Every sum has a fixed order here, and images stay where they are.
-    explicit CpuBackend(const BackendOptions& options)
-        : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {}
-
-    std::string describe() const override { return "CPU, " + std::to_string(num_threads()) + " threads"; }
+    explicit CpuEngine(const BackendOptions& options)
+        : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {
+        traits_ = {.device = "CPU, " + std::to_string(num_threads()) + " threads", .ceilings = &cpu_ceilings};
+    }
 
     void upload(const Gaussians& state) override {
         state_ = state;
@@ -46,27 +45,44 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         for (int g = 0; g < kNumGroups; ++g)
             out.groups[g].width = state_.groups[g].width, out.groups[g].param = state_.groups[g].param;
         out.shared.width = state_.shared.width, out.shared.param = state_.shared.param;
-        out.ppisp = download_ppisp();
+        out.ppisp = download_ppisp(false);
         return out;
     }
-    std::int64_t count() const override { return state_.count; }
+    RowCounts counts() const override { return {state_.count, state_.num_residuals()}; }
     void set_active_degree(int degree) override { state_.active_degree = degree; }
     void upload_ppisp(const PpispState& state) override {
         state_.ppisp = state;
         allocate_moments(state_.ppisp);
     }
 
-    PpispState download_ppisp() override {
+    PpispState download_ppisp(bool with_moments) override {
         PpispState out = state_.ppisp;
-        drop_moments(out);
+        if (!with_moments) drop_moments(out);
         return out;
     }
+    std::vector<float> download_bases() override { return state_[Group::kBase].param; }
 
-    void render(const RenderRequest& request, RenderedImage& out) override {
-        make_room(request.camera, out);
-        raster_.forward(ParameterView<float>::of(state_), request.camera, request.background, state_.active_degree,
-                        request.mode, out.rgb.data(), out.alpha.data());
-        finish_image(request, out);
+    void render(const RenderRequest& request, const SplatParts* splats, RenderedImage& out) override {
+        const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
+        out.width = request.camera.width, out.height = request.camera.height;
+        out.rgb.resize(3 * pixels);
+        out.alpha.resize(pixels);
+        forward(request, splats, out.rgb.data(), out.alpha.data());
+        for (float& t : out.alpha) t = 1 - t;
+        if (request.median) raster_.write_medians(out.rgb.data());
+        // A residual is not a colour, so it is not corrected.
+        if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp))
+            correction_.apply(state_.ppisp, request.isp, out.rgb.data(), out.width, out.height, out.rgb.data());
+    }
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
+        RenderedImage image;
+        double seconds = 0;
+        for (int round = 0; round <= repeats; ++round) {
+            if (round == 1) seconds = 0;
+            const StageTimer timer(seconds);
+            for (const RenderRequest& view : views) render(view, nullptr, image);
+        }
+        return seconds / (double(repeats) * double(views.size()));
     }
 
     void step(const StepRequest& r) override {
@@ -80,61 +96,38 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         update(r, ParameterView<float>::of(state_));
         if (corrects) {
             const StageTimer timer(correction_seconds_);
-            if (!correction_.step_parameters(state_.ppisp, r.isp_rate)) ++stats_.num_nonfinite_gradients;
+            if (!correction_.step_parameters(state_.ppisp, r.isp_rate)) leave_out_common(1);
         }
         count_work(r);
     }
 
-    void distill(const StepRequest& r) override { distill(r, nullptr); }
+    void distill(const StepRequest& r, const SplatParts* splats) override {
+        check_distillation(state_.ppisp, r.isp);
+        const LossValues loss = view_loss(r, true, splats);
+        if (r.isp_rate > 0) ++state_.ppisp.controller_step;
+        if (!note_loss(loss) || r.isp_rate <= 0) return;
+        const StageTimer timer(correction_seconds_);
+        correction_.backward(image_.data(), dL_dimage_.data());
+        if (!correction_.step_controller(state_.ppisp, image_.data(), r.isp_rate)) leave_out_common(1);
+    }
 
     StepStats take_stats() override {
         const StepStats out = stats_;
         stats_.steps = 0;
-        stats_.num_nonfinite_gradients = 0;
+        stats_.num_nonfinite_gradients = stats_.num_nonfinite_common = 0;
         return out;
     }
 
     void synchronize() override {}
-    BackendTimer& timer() override { return *this; }
-    Shard* shard() override { return this; }
 
     MemoryUse memory() override { return {}; }  // the operating system tells the process's memory
 
     DensifyStats densify(const DensifyRequest& r) override {
         if (const auto* mcmc = std::get_if<McmcParams>(&r.rule))
             return mcmc_densify(state_, *mcmc, r.iteration, r.seed);
-        return adc_densify(state_, std::get<AdcParams>(r.rule), r.iteration, r.seed);
-    }
-    void reset_opacity() override { adc_reset_opacity(state_); }
-    std::vector<float> scores(const std::vector<RenderRequest>& views) override {
-        std::vector<double> sums(state_.count, 0.0);
-        for (const RenderRequest& view : views) {
-            const std::size_t pixels = std::size_t(view.camera.width) * view.camera.height;
-            image_.resize(3 * pixels);
-            transmittance_.resize(pixels);
-            raster_.forward(ParameterView<float>::of(state_), view.camera, view.background, state_.active_degree,
-                            RenderMode::kFull, image_.data(), transmittance_.data());
-            raster_.add_scores(image_.data(), transmittance_.data(), sums);
-        }
-        return {sums.begin(), sums.end()};
-    }
-    std::int64_t num_residuals() const override { return state_.num_residuals(); }
-    double squared_error(const StepRequest& r) override { return squared_error(r, nullptr); }
-    ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) override {
-        const auto params = ParameterView<float>::of(state_);
-        std::vector<ResidualSums> sums(std::size_t(params.num_residuals), ResidualSums{});
-        std::vector<Vec3<float>> gradients(sums.size());
-        for (std::size_t view = 0; view < num_views; ++view) {
-            residual_sums(
-                step_on(view), nullptr, params.num_residuals,
-                [&](std::int64_t i, const Vec3<float>& gradient) { gradients[i] = gradient; },
-                [&](std::int64_t i, float weight) {
-                    if (weight > 0)
-                        sums[i].add(weight, gradients[i], raster_.color(i),
-                                    activate(params.activation, params.base(i)));
-                });
-        }
-        return residual_scores_of(sums, params.activation, state_[Group::kBase].param);
+        if (const auto* adc = std::get_if<AdcParams>(&r.rule)) return adc_densify(state_, *adc, r.iteration, r.seed);
+        adc_reset_opacity(state_);
+        return {.count = state_.count};
     }
     void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override {
         ResidualHandles residuals(state_, true);
@@ -145,8 +138,8 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         PruneStats stats;
         if (std::holds_alternative<NonFiniteRows>(request))
             stats.removed = remove_nonfinite(state_, stats.by_group.data());
-        else if (const auto* lowest = std::get_if<LowestScores>(&request))
-            stats.removed = remove_lowest_scores(state_, scores(lowest->views), lowest->ratio);
+        else if (const auto* but = std::get_if<AllBut>(&request))
+            gather_rows(state_, but->rows);
         else
             stats.removed = remove_invisible(state_);
         return stats;
@@ -156,34 +149,31 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool) override {
         projection_ = {camera, mode};
     }
-    void end_projection(ProjectedView& out, ViewReport* report) override {
-        raster_.project(ParameterView<float>::of(state_), projection_.camera, state_.active_degree, projection_.mode,
-                        out);
-        if (report) *report = {.loss = {}, .num_splats = std::int64_t(out.splats.size())};
-    }
-    void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) override {
+    void end_projection(ProjectedView& out, std::optional<std::size_t> room, ViewReport* report) override {
         ProjectedView all;
-        end_projection(all, report);
-        if (report) report->lacks_splats = all.splats.size() > room;
-        const auto fit = [room](const auto& from, auto& to, auto filler) {
-            const auto values = from.values().first(std::min(from.size(), room));
-            auto* const begin = to.resize(room);
-            std::fill(std::copy(values.begin(), values.end(), begin), begin + room, filler);
+        ProjectedView& found = room ? all : out;
+        raster_.project(ParameterView<float>::of(state_), projection_.camera, state_.active_degree, projection_.mode,
+                        found);
+        if (report) *report = {.loss = {}, .num_splats = std::int64_t(found.splats.size())};
+        if (!room) return;
+        if (report) report->lacks_splats = all.splats.size() > *room;
+        const auto fit = [&](const auto& from, auto& to, auto filler) {
+            const auto values = from.values().first(std::min(from.size(), *room));
+            auto* const begin = to.resize(*room);
+            std::fill(std::copy(values.begin(), values.end(), begin), begin + *room, filler);
         };
         fit(all.splats, out.splats, WireSplat{});
         fit(all.rows, out.rows, kNowhere);
         out.part_ends = all.part_ends;
     }
-    void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
-                       RankArray<WireSplat>& out) override {
+    ScratchPlaces room_for_splats(const CameraParams<float>&, std::size_t, std::size_t, bool, bool) override {
+        return {};
+    }
+    void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RowCounts>& of_ranks,
+                       DeviceArray<WireSplat>& out) override {
         order_on_host(splats, rows, of_ranks, out);
     }
-    void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override {
-        make_room(request.camera, out);
-        raster_.forward(in_a_row(splats), request.camera, request.background, out.rgb.data(), out.alpha.data());
-        finish_image(request, out);
-    }
-    void loss_of_splats(const SplatParts& splats, const StepRequest& r, const SumParts<SplatSums<float>>& sums,
+    void loss_of_splats(const StepRequest& r, const SplatParts& splats, const SumParts<SplatSums<float>>& sums,
                         std::vector<float>& isp_gradient, ViewReport* report) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp);
         const LossValues loss = view_loss(r, corrected, &splats);
@@ -197,12 +187,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         count_work(r);
         report->loss = {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
     }
-    void judge(const RankArray<ViewReport>& reports) override {
-        const auto all = reports.values();
-        unread_reports_.emplace_back(all.begin(), all.end());
-        if (verdict_ != Verdict::kRepeat) verdict_ = verdict_on(all);
-    }
-    std::vector<ViewReport> read_reports() override {
+    std::vector<ViewReport> read_reports(const std::vector<std::int64_t>&, int) override {
         const std::vector<ViewReport> oldest = std::move(unread_reports_.front());
         unread_reports_.pop_front();
         return oldest;
@@ -212,41 +197,41 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         unread_reports_.clear();
         verdict_ = Verdict::kTake;
     }
-    void distill_splats(const SplatParts& splats, const StepRequest& r) override { distill(r, &splats); }
-    double squared_error_of_splats(const SplatParts& splats, const StepRequest& r) override {
-        return squared_error(r, &splats);
+    double squared_error(const StepRequest& r, const SplatParts& splats) override {
+        const bool corrected = is_corrected(state_.ppisp, r.isp);
+        view_image(r, corrected, &splats);
+        return loss_.error((corrected ? corrected_ : image_).data(), r.target, r.background, dL_dimage_.data());
     }
-    void scores_of_splats(const SplatParts& splats, const RenderRequest& request,
-                          const SumParts<double>& scores) override {
-        const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
+    void add_scores(const RenderRequest& r, const SplatParts& splats, const SumParts<double>& scores) override {
+        const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
         image_.resize(3 * pixels);
         transmittance_.resize(pixels);
-        raster_.forward(in_a_row(splats), request.camera, request.background, image_.data(), transmittance_.data());
+        forward(r, &splats, image_.data(), transmittance_.data());
         std::vector<double> all(num_splats(splats), 0.0);
         raster_.add_scores(image_.data(), transmittance_.data(), all);
         write_sums(splats, scores, [&](std::int64_t i, double& out) { out = all[i]; });
     }
-    void residuals_of_splats(const SplatParts& splats, const StepRequest& r,
-                             const SumParts<ResidualSplatSums>& sums) override {
-        std::vector<ResidualSplatSums> all(num_splats(splats));
-        residual_sums(
-            r, &splats, std::int64_t(all.size()),
-            [&](std::int64_t i, const Vec3<float>& gradient) {
-                all[i] = {0, gradient};
-            },
-            [&](std::int64_t i, float weight) { all[i].weight = weight; });
-        write_sums(splats, sums, [&](std::int64_t i, ResidualSplatSums& out) { out = all[i]; });
-    }
-    std::vector<Vec3<float>> colors_without_residual() override {
-        return shown_bases(state_[Group::kBase].param, state_.appearance.activation);
-    }
-    ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override {
-        return residual_scores_of(totals, state_.appearance.activation, state_[Group::kBase].param);
+    void add_residual_sums(const StepRequest& r, const SplatParts& splats,
+                           const SumParts<ResidualSplatSums>& sums) override {
+        std::vector<Vec3<float>> gradients(num_splats(splats));
+        squared_error(r, splats);
+        backward(is_corrected(state_.ppisp, r.isp));
+        parallel_for_rows(std::int64_t(gradients.size()),
+                          [&](std::int64_t i) { gradients[i] = raster_.color_gradient(i); });
+        loss_.weights(r.target, dL_dimage_.data());
+        raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
+        write_sums(splats, sums, [&](std::int64_t i, ResidualSplatSums& out) {
+            out = {raster_.color_gradient(i).x, gradients[i]};
+        });
     }
 
-    void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                     const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
-                     RankArray<float>& shared_gradient) override {
+    void update_rows(const DeviceArray<ViewReport>& reports, const std::vector<StepRequest>& views,
+                     const std::vector<ProjectedView>& projected,
+                     const std::vector<DeviceArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                     DeviceArray<float>& shared_gradient) override {
+        const auto all = reports.values();
+        unread_reports_.emplace_back(all.begin(), all.end());
+        if (verdict_ != Verdict::kRepeat) verdict_ = verdict_on(all);
         keep_last_steps(views[0]);
         state_.step += std::int64_t(views.size());
         if (verdict_ != Verdict::kTake)
@@ -284,47 +269,17 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         shared_gradient.assign(shared);
     }
     void update_shared_weights(const std::vector<StepRequest>& views,
-                               const RankArray<float>& shared_gradients) override {
+                               const DeviceArray<float>& shared_gradients) override {
         if (verdict_ != Verdict::kTake) return;
         std::vector<float> shared(kNumSharedOf<Model>);
         if (const int row = int(shared_row(shared.size())); row > 0)
             for (std::size_t k = 0; k < shared.size(); ++k)
                 shared[k] = sum_of_rows(shared_gradients.data(), int(shared_gradients.size()) / row, row, int(k));
-        common_left_out_ += step_shared(update_args(views[0], state_.step, 1, int(views.size())), shared);
+        leave_out_common(step_shared(update_args(views[0], state_.step, 1, int(views.size())), shared));
     }
-    void update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) override {
-        if (!learns_correction(views)) return;
-        const StageTimer timer(correction_seconds_);
-        state_.ppisp.step += std::int64_t(views.size());
-        if (taken && !step_ppisp(state_.ppisp, gradient, views[0].isp_rate, int(views.size()))) ++common_left_out_;
-    }
-    LeftOut take_nonfinite() override {
-        return {std::exchange(stats_.num_nonfinite_gradients, 0), std::exchange(common_left_out_, 0)};
-    }
-    void keep_rows(const std::vector<std::uint32_t>& rows) override { gather_rows(state_, rows); }
-
-  private:
-    using Gradient = typename CpuRasterizer<float, Model>::FullGradient;
-
-    bool learns_correction(const std::vector<StepRequest>& views) const {
-        return std::any_of(views.begin(), views.end(),
-                           [&](const StepRequest& r) { return is_corrected(state_.ppisp, r.isp) && r.isp_rate > 0; });
-    }
-
-    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
-        RenderedImage image;
-        double seconds = 0;
-        for (int round = 0; round <= repeats; ++round) {
-            if (round == 1) seconds = 0;
-            const StageTimer timer(seconds);
-            for (const RenderRequest& view : views) render(view, image);
-        }
-        return seconds / (double(repeats) * double(views.size()));
-    }
-
-    void measure_stages(std::optional<int>) override {}  // reading the clock costs nothing here
-
-    std::vector<StageCost> take_stage_costs() override {
+    /// Reading the clock costs nothing here, so that stages are timed in any step.
+    std::vector<StageCost> measure_stages(std::optional<int> pass) override {
+        if (pass && *pass > 0) return {};
         auto& s = raster_.seconds;
         const double gaussians = work_.gaussians, pairs = work_.pairs;
         const ModelInfo& info = appearance_model(state_.appearance.model);
@@ -366,27 +321,16 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         s = {};
         loss_seconds_ = update_seconds_ = correction_seconds_ = 0;
         work_ = {};
-        return costs;
+        return pass ? std::vector<StageCost>{} : costs;
     }
 
-    Ceilings measure_ceilings() override { return cpu_ceilings(); }
+  private:
+    using Gradient = typename CpuRasterizer<float, Model>::FullGradient;
 
-    static void make_room(const CameraParams<float>& camera, RenderedImage& out) {
-        const std::size_t pixels = std::size_t(camera.width) * camera.height;
-        out.width = camera.width, out.height = camera.height;
-        out.rgb.resize(3 * pixels);
-        out.alpha.resize(pixels);
+    void leave_out_common(std::int64_t gradients) {
+        stats_.num_nonfinite_gradients += gradients;
+        stats_.num_nonfinite_common += gradients;
     }
-    void finish_image(const RenderRequest& request, RenderedImage& out) {
-        for (float& t : out.alpha) t = 1 - t;
-        if (request.median) raster_.write_medians(out.rgb.data());
-        // A residual is not a colour, so it is not corrected.
-        if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp))
-            correction_.apply(state_.ppisp, request.isp, out.rgb.data(), out.width, out.height, out.rgb.data());
-    }
-
-    /// The splats of the next functions are those of the model where they are null.
-    using Splats = const SplatParts*;
 
     /// Returns the splats of all parts in a row.
     std::span<const WireSplat> in_a_row(const SplatParts& parts) {
@@ -396,32 +340,13 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         return joined_;
     }
 
-    void distill(const StepRequest& r, Splats splats) {
-        check_distillation(state_.ppisp, r.isp);
-        const LossValues loss = view_loss(r, true, splats);
-        if (r.isp_rate > 0) ++state_.ppisp.controller_step;
-        if (!note_loss(loss) || r.isp_rate <= 0) return;
-        const StageTimer timer(correction_seconds_);
-        correction_.backward(image_.data(), dL_dimage_.data());
-        if (!correction_.step_controller(state_.ppisp, image_.data(), r.isp_rate)) ++stats_.num_nonfinite_gradients;
-    }
-
-    double squared_error(const StepRequest& r, Splats splats) {
-        const bool corrected = is_corrected(state_.ppisp, r.isp);
-        view_image(r, corrected, splats);
-        return loss_.error((corrected ? corrected_ : image_).data(), r.target, r.background, dL_dimage_.data());
-    }
-
-    /// Calls gradient(i, dE/dcolour) and then weight(i, sum of weights) for the first `count` splats of a view.
-    template <class GradientFn, class WeightFn>
-    void residual_sums(const StepRequest& r, Splats splats, std::int64_t count, GradientFn&& gradient,
-                       WeightFn&& weight) {
-        squared_error(r, splats);
-        backward(is_corrected(state_.ppisp, r.isp));
-        parallel_for_rows(count, [&](std::int64_t i) { gradient(i, raster_.color_gradient(i)); });
-        loss_.weights(r.target, dL_dimage_.data());
-        raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
-        parallel_for_rows(count, [&](std::int64_t i) { weight(i, raster_.color_gradient(i).x); });
+    /// Renders a view of the model, or of `splats` unless they are null.
+    void forward(const RenderRequest& r, const SplatParts* splats, float* image, float* transmittance) {
+        if (splats)
+            raster_.forward(in_a_row(*splats), r.camera, r.background, image, transmittance);
+        else
+            raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree, r.mode,
+                            image, transmittance);
     }
 
     /// Turns dL_dimage_ into the gradient sums of all splats.
@@ -434,16 +359,12 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
 
     /// Renders the view into image_ and, if `corrected`, corrects it into corrected_. Makes room in dL_dimage_.
-    void view_image(const StepRequest& r, bool corrected, Splats splats = nullptr) {
+    void view_image(const StepRequest& r, bool corrected, const SplatParts* splats = nullptr) {
         const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
         image_.resize(3 * pixels);
         transmittance_.resize(pixels);
         dL_dimage_.resize(3 * pixels);
-        if (splats)
-            raster_.forward(in_a_row(*splats), r.camera, r.background, image_.data(), transmittance_.data());
-        else
-            raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree,
-                            RenderMode::kFull, image_.data(), transmittance_.data());
+        forward({r.camera, r.background}, splats, image_.data(), transmittance_.data());
         if (corrected) {
             const StageTimer timer(correction_seconds_);
             work_.corrected_pixels += double(pixels);
@@ -453,7 +374,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
 
     /// Does the same, and leaves the gradient of the loss by the last of these in dL_dimage_.
-    LossValues view_loss(const StepRequest& r, bool corrected, Splats splats = nullptr) {
+    LossValues view_loss(const StepRequest& r, bool corrected, const SplatParts* splats = nullptr) {
         view_image(r, corrected, splats);
         const StageTimer timer(loss_seconds_);
         return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.lambda_dssim,
@@ -491,7 +412,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
                 return finite;
             };
         });
-        stats_.num_nonfinite_gradients += step_shared(args, sum_shared());
+        leave_out_common(step_shared(args, sum_shared()));
     }
 
     /// Begins or ends keeping the step that each Gaussian took last. All are up to date where it begins.
@@ -595,7 +516,6 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     std::deque<std::vector<ViewReport>> unread_reports_;
     Verdict verdict_ = Verdict::kTake;  ///< on the last step
     std::vector<WireSplat> joined_;     ///< of a view, from all ranks
-    std::int64_t common_left_out_ = 0;  ///< steps of shared weights and of PPISP, since take_nonfinite()
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
     struct {
         double gaussians = 0, visible = 0, moving = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;

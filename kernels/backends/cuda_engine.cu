@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host's side of the CUDA backend: lays out memory, launches the stages, repeats steps that did not fit.
-#include "kernels/backends/cuda_backend.h"
+// The host's side of the CUDA engine: lays out memory, launches the stages, repeats steps that did not fit.
+#include "kernels/backends/cuda_engine.h"
 
 #include <algorithm>
 #include <cmath>
@@ -91,7 +91,7 @@ int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
 
 }  // namespace
 
-CudaBackend::CudaBackend(const ModelKernels& kernels, const BackendOptions& options)
+CudaEngine::CudaEngine(const ModelKernels& kernels, const BackendOptions& options)
     : kernels_(kernels),
       options_(options),
       cutoffs_(Cutoffs<float>::of(options.min_alpha, options.min_transmittance)),
@@ -102,27 +102,27 @@ CudaBackend::CudaBackend(const ModelKernels& kernels, const BackendOptions& opti
     GS_CUDA(cudaMallocHost(&statuses_, kInFlight * sizeof(StepStatus)));
     for (cudaEvent_t& e : done_) GS_CUDA(cudaEventCreateWithFlags(&e, cudaEventDisableTiming));
     GS_CUDA(cudaMemsetAsync(control_.reserve(1), 0, sizeof(StepControl), stream_));
+    cudaDeviceProp p;
+    int device = 0;
+    GS_CUDA(cudaGetDevice(&device));
+    GS_CUDA(cudaGetDeviceProperties(&p, device));
+    traits_ = {.device = std::string("CUDA, ") + p.name + (options_.deterministic ? ", deterministic" : "") +
+                         (options_.separate_appearance ? ", separate appearance" : ""),
+               .stream = &device_stream_,
+               .stage_passes = StageTimes::kPasses,
+               .ceilings = &cuda_ceilings};
 }
 
-CudaBackend::~CudaBackend() {
+CudaEngine::~CudaEngine() {
     cudaStreamSynchronize(stream_);
     for (cudaEvent_t e : done_) cudaEventDestroy(e);
     cudaFreeHost(statuses_);
     cudaStreamDestroy(stream_);
 }
 
-std::string CudaBackend::describe() const {
-    cudaDeviceProp p;
-    int device = 0;
-    GS_CUDA(cudaGetDevice(&device));
-    GS_CUDA(cudaGetDeviceProperties(&p, device));
-    return std::string("CUDA, ") + p.name + (options_.deterministic ? ", deterministic" : "") +
-           (options_.separate_appearance ? ", separate appearance" : "");
-}
-
 // --- the model ------------------------------------------------------------------------------------------------------
 
-void CudaBackend::upload(const Gaussians& state) {
+void CudaEngine::upload(const Gaussians& state) {
     abandon_steps();  // they belong to the old model
     stats_ = {};
     model_.count = model_.without_residual = 0;
@@ -169,7 +169,7 @@ void CudaBackend::upload(const Gaussians& state) {
     GS_CUDA(cudaDeviceSynchronize());
 }
 
-Gaussians CudaBackend::download(bool with_moments) {
+Gaussians CudaEngine::download(bool with_moments) {
     if (model_.broken) throw DeviceError("the model was lost when memory ran out while its rows were moved");
     settle();
     GS_CUDA(cudaStreamSynchronize(stream_));
@@ -197,13 +197,13 @@ Gaussians CudaBackend::download(bool with_moments) {
     return out;
 }
 
-void CudaBackend::set_active_degree(int degree) {
+void CudaEngine::set_active_degree(int degree) {
     if (degree == meta_.active_degree) return;
     synchronize();  // a repeated step must see the degree that it began with
     meta_.active_degree = degree;
 }
 
-void CudaBackend::upload_ppisp(const PpispState& state) {
+void CudaEngine::upload_ppisp(const PpispState& state) {
     synchronize();  // a repeated step must see the PPISP that it began with
     GS_CUDA(cudaStreamSynchronize(stream_));
     ppisp_.upload(state);
@@ -213,7 +213,7 @@ void CudaBackend::upload_ppisp(const PpispState& state) {
 
 // --- one forward pass -----------------------------------------------------------------------------------------------
 
-void CudaBackend::take(Carver& c, const Sizes& sizes) {
+void CudaEngine::take(Carver& c, const Sizes& sizes) {
     const auto take_shared_sums = [&] {
         const std::size_t rows = num_blocks(sizes.n, kernels_.shared.gaussians_per_sum);
         shared_sums_.values = c.take<float>(rows * std::size_t(kernels_.shared.count));
@@ -263,7 +263,7 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     if (options_.deterministic) blend_.take_partial_sums(c, sizes.capacity);
 }
 
-void CudaBackend::lay_out(const Sizes& sizes) {
+void CudaEngine::lay_out(const Sizes& sizes) {
     if (sizes == sizes_) return;
     sizes_ = {};  // stays empty if there is no memory
     // Ranks have as many splats as a view shows, and would make room again and again. That for a model changes with it.
@@ -275,14 +275,14 @@ void CudaBackend::lay_out(const Sizes& sizes) {
     sizes_ = sizes;
 }
 
-std::size_t CudaBackend::bytes_of(const Sizes& sizes) {
+std::size_t CudaEngine::bytes_of(const Sizes& sizes) {
     sizes_ = {};  // counting leaves null pointers in the buffers
     Carver count(nullptr);
     take(count, sizes);
     return count.most();
 }
 
-void CudaBackend::lay_out_view(const CameraParams<float>& camera, std::int64_t n, bool for_backward) {
+void CudaEngine::lay_out_view(const CameraParams<float>& camera, std::int64_t n, bool for_backward) {
     if (std::max(camera.width, camera.height) > kMaxSide)
         throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                           " pixels: the CUDA backend takes up to " + std::to_string(kMaxSide) + " a side");
@@ -300,8 +300,8 @@ void CudaBackend::lay_out_view(const CameraParams<float>& camera, std::int64_t n
     }
 }
 
-PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, RenderMode mode,
-                                            const LazyArgs& lazy) const {
+PreprocessArgs CudaEngine::preprocess_args(const CameraParams<float>& camera, RenderMode mode,
+                                           const LazyArgs& lazy) const {
     const auto p = [&](Group g) { return model_.param[int(g)].get(); };
     const ParameterView<float> view{model_.count,
                                     p(Group::kMean),
@@ -328,7 +328,7 @@ PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, R
             nullptr};
 }
 
-PreprocessArgs CudaBackend::frame_args(const RenderRequest& r) {
+PreprocessArgs CudaEngine::frame_args(const RenderRequest& r) {
     PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
     if (!options_.half_residuals || model_.floats(int(Group::kResidual)) == 0) return args;
     if (!half_residuals_current_) {
@@ -342,12 +342,12 @@ PreprocessArgs CudaBackend::frame_args(const RenderRequest& r) {
     return args;
 }
 
-BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
+BlendImage CudaEngine::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
     return {camera.width, camera.height, background, image_, transmittance_, cutoffs_};
 }
 
-CudaBins CudaBackend::enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
-                                     bool for_backward, const std::function<void()>& fill, std::int64_t most) {
+CudaBins CudaEngine::enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
+                                    bool for_backward, const std::function<void()>& fill, std::int64_t most) {
     lay_out_view(camera, n, for_backward);
     largest_width_ = std::max(largest_width_, camera.width), largest_height_ = std::max(largest_height_, camera.height);
     times_.begin(stream_);
@@ -361,8 +361,8 @@ CudaBins CudaBackend::enqueue_splats(const CameraParams<float>& camera, std::int
     return bins;
 }
 
-CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward,
-                                      std::int64_t most) {
+CudaBins CudaEngine::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward,
+                                     std::int64_t most) {
     const auto complete = [&] {
         args.shared = {model_.shared_prepared.get(), shared_sums_};
         args.separate = separate_;
@@ -376,7 +376,7 @@ CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> backgrou
     return bins;
 }
 
-void CudaBackend::make_room(unsigned long long num_instances) {
+void CudaEngine::make_room(unsigned long long num_instances) {
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
     if (num_instances > kMaxInstances)
         throw DeviceError("more than " + std::to_string(kMaxInstances) + " Gaussian-tile instances in one view (" +
@@ -388,12 +388,12 @@ void CudaBackend::make_room(unsigned long long num_instances) {
     if (std::int64_t(num_instances) > capacity_) capacity_ = room_for(std::int64_t(num_instances));
 }
 
-void CudaBackend::forget(const Step& s) {
+void CudaEngine::forget(const Step& s) {
     if (s.adam_step) lazy_.rewind(--meta_.step);
     ppisp_.rewind(s.isp_step > 0, s.controller_step > 0);
 }
 
-void CudaBackend::abandon_steps() {
+void CudaEngine::abandon_steps() {
     cudaStreamSynchronize(stream_);
     wire_.is_updating = false;
     for (const Step& s : in_flight_) forget(s);
@@ -401,7 +401,7 @@ void CudaBackend::abandon_steps() {
     cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_);
 }
 
-CudaBins CudaBackend::forward_whole(const std::function<CudaBins()>& enqueue) {
+CudaBins CudaEngine::forward_whole(const std::function<CudaBins()>& enqueue) {
     settle();
     const std::int64_t for_steps = capacity_;
     CudaBins bins;
@@ -415,30 +415,33 @@ CudaBins CudaBackend::forward_whole(const std::function<CudaBins()>& enqueue) {
     return bins;
 }
 
-CudaBins CudaBackend::forward_whole(const RenderRequest& r, bool for_backward) {
+CudaBins CudaEngine::forward_whole(const RenderRequest& r, bool for_backward) {
     return forward_whole([&] {
         PreprocessArgs args = frame_args(r);
         return enqueue_forward(args, r.background, for_backward);
     });
 }
 
-void CudaBackend::report_to(int slot, const CudaLossSums& loss) {
+void CudaEngine::report_to(int slot, const CudaLossSums& loss) {
     report_step<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss, statuses_ + slot);
     GS_CUDA_LAUNCHED("report_step");
 }
 
-const StepStatus& CudaBackend::read_status(const CudaLossSums& loss) {
+const StepStatus& CudaEngine::read_status(const CudaLossSums& loss) {
     report_to(0, loss);
     GS_CUDA(cudaStreamSynchronize(stream_));
     return *statuses_;
 }
 
-void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
-    forward_whole(r);
+void CudaEngine::render(const RenderRequest& r, const SplatParts* splats, RenderedImage& out) {
+    if (splats)
+        forward_whole(*splats, r, false);
+    else
+        forward_whole(r);
     finish_image(r, out);
 }
 
-void CudaBackend::finish_image(const RenderRequest& r, RenderedImage& out) {
+void CudaEngine::finish_image(const RenderRequest& r, RenderedImage& out) {
     if (r.median) {
         write_medians(binning_.bins(), splats_, blend_image(r.camera, r.background), stream_);
         GS_CUDA(cudaStreamSynchronize(stream_));
@@ -455,12 +458,12 @@ void CudaBackend::finish_image(const RenderRequest& r, RenderedImage& out) {
     for (float& t : out.alpha) t = 1 - t;
 }
 
-double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
+double CudaEngine::time_frames(const std::vector<RenderRequest>& views, int repeats) {
     RenderedImage image;
     const std::int64_t for_steps = capacity_;
     std::int64_t most = 1;
     for (const RenderRequest& view : views) {
-        render(view, image);  // warms up, and finds the room that a view needs
+        render(view, nullptr, image);  // warms up, and finds the room that a view needs
         most = std::max(most, std::int64_t(statuses_->num_instances));
     }
     capacity_ = most;
@@ -489,7 +492,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
 
 // --- steps ----------------------------------------------------------------------------------------------------------
 
-void CudaBackend::step(const StepRequest& r) {
+void CudaEngine::step(const StepRequest& r) {
     while (in_flight_.size() >= kInFlight) finish_oldest();
     const bool lazily = r.residual_rates.empty() && !r.only_visible;
     const bool changes = lazily != lazily_ || r.only_visible != model_.has_last_step;
@@ -511,14 +514,15 @@ void CudaBackend::step(const StepRequest& r) {
     times_.add();
 }
 
-PpispState CudaBackend::download_ppisp() {
+PpispState CudaEngine::download_ppisp(bool with_moments) {
     synchronize();
     GS_CUDA(cudaStreamSynchronize(stream_));
-    return ppisp_.download(false);
+    return ppisp_.download(with_moments);
 }
 
-void CudaBackend::distill(const StepRequest& r) {
+void CudaEngine::distill(const StepRequest& r, const SplatParts* splats) {
     check_distillation(ppisp_.host(), r.isp);
+    if (splats) return distill_splats(*splats, r);
     while (in_flight_.size() >= kInFlight) finish_oldest();
     if (in_flight_.empty() || in_flight_.back().adam_step) settle();  // residuals must have taken all steps
     Step s;
@@ -527,7 +531,7 @@ void CudaBackend::distill(const StepRequest& r) {
     launch(std::move(s), r.target);
 }
 
-void CudaBackend::launch(Step s, const TargetImage& target) {
+void CudaEngine::launch(Step s, const TargetImage& target) {
     in_flight_.push_back(std::move(s));
     Step& step = in_flight_.back();
     step.slot = next_slot_;
@@ -544,14 +548,14 @@ void CudaBackend::launch(Step s, const TargetImage& target) {
     next_slot_ = (next_slot_ + 1) % kInFlight;
 }
 
-void CudaBackend::enqueue(const Step& s) {
+void CudaEngine::enqueue(const Step& s) {
     lay_out_view(s.request.camera, model_.count, true);
     const ModelArrays arrays = s.adam_step && model_.count > 0 ? arrays_of_step(s.request) : ModelArrays{};
     step_graph_.run(stream_, [&] { enqueue_kernels(s, arrays); });
     GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
 }
 
-void CudaBackend::enqueue_kernels(const Step& s, const ModelArrays& arrays) {
+void CudaEngine::enqueue_kernels(const Step& s, const ModelArrays& arrays) {
     const StepRequest& r = s.request;
     StepControl* control = control_.get();
     PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
@@ -564,7 +568,7 @@ void CudaBackend::enqueue_kernels(const Step& s, const ModelArrays& arrays) {
     report_to(s.slot, loss_.sums());
 }
 
-void CudaBackend::enqueue_loss(const StepRequest& r, const DeviceTarget& target) {
+void CudaEngine::enqueue_loss(const StepRequest& r, const DeviceTarget& target) {
     const bool corrected = ppisp_.corrects(r.isp);
     if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
     times_.end(CudaStage::kCorrect, stream_);
@@ -575,13 +579,13 @@ void CudaBackend::enqueue_loss(const StepRequest& r, const DeviceTarget& target)
     if (corrected) ppisp_.backward(image_, dL_dimage_, stream_);
 }
 
-void CudaBackend::enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins) {
+void CudaEngine::enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins) {
     const SlotMap slots = binning_.slots();
     const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
     blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control_.get(), stream_);
 }
 
-void CudaBackend::keep_last_steps(const StepRequest& r) {
+void CudaEngine::keep_last_steps(const StepRequest& r) {
     if (r.only_visible && !model_.has_last_step && model_.count > 0) {
         fill_values<<<num_blocks(model_.count, kBlock), kBlock, 0, stream_>>>(
             model_.count, float(meta_.step), model_.last_step.reserve(model_.row_capacity()));
@@ -590,7 +594,7 @@ void CudaBackend::keep_last_steps(const StepRequest& r) {
     model_.has_last_step = r.only_visible;
 }
 
-ModelArrays CudaBackend::arrays_of_step(const StepRequest& r) {
+ModelArrays CudaEngine::arrays_of_step(const StepRequest& r) {
     ModelArrays arrays = model_.arrays();
     if (r.only_visible) arrays.last_step = model_.last_step.get();
     if (!r.gather_gradient_stats) return arrays;
@@ -604,8 +608,8 @@ ModelArrays CudaBackend::arrays_of_step(const StepRequest& r) {
     return arrays;
 }
 
-void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, const CudaBins& bins,
-                                    const ModelArrays& arrays) {
+void CudaEngine::enqueue_gaussians(const Step& s, const PreprocessArgs& args, const CudaBins& bins,
+                                   const ModelArrays& arrays) {
     const StepRequest& r = s.request;
     const std::int64_t n = model_.count;
     StepControl* control = control_.get();
@@ -616,7 +620,7 @@ void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, c
     times_.end(CudaStage::kUpdate, stream_);
 }
 
-void CudaBackend::adapt_room(std::int64_t num_instances) {
+void CudaEngine::adapt_room(std::int64_t num_instances) {
     needed_ = std::max(needed_, num_instances);
     if (num_instances > capacity_) capacity_ = room_for(num_instances);
     // Room is made ahead of need.
@@ -627,7 +631,7 @@ void CudaBackend::adapt_room(std::int64_t num_instances) {
     if (recent && capacity_ > *recent / 2 * 3) capacity_ = room_for(*recent);
 }
 
-void CudaBackend::finish_oldest() {
+void CudaEngine::finish_oldest() {
     const Step& s = in_flight_.front();
     GS_CUDA(cudaEventSynchronize(done_[s.slot]));
     const StepStatus status = statuses_[s.slot];
@@ -655,7 +659,7 @@ void CudaBackend::finish_oldest() {
     in_flight_.pop_front();
 }
 
-void CudaBackend::note_loss(const StepStatus& status, float lambda_dssim, double weight_sum) {
+void CudaEngine::note_loss(const StepStatus& status, float lambda_dssim, double weight_sum) {
     const ViewLoss loss =
         loss_of_sums(status.l1, status.ssim, lambda_dssim, weight_sum, std::int64_t(status.num_instances));
     stats_.l1 = loss.l1, stats_.ssim = loss.ssim, stats_.loss = loss.loss;
@@ -664,47 +668,48 @@ void CudaBackend::note_loss(const StepStatus& status, float lambda_dssim, double
     ++stats_.steps;
 }
 
-void CudaBackend::synchronize() {
+void CudaEngine::synchronize() {
     while (!in_flight_.empty()) finish_oldest();
     statuses_->stopped = 0;
     if (std::exchange(wire_.is_updating, false)) GS_CUDA(cudaStreamSynchronize(stream_));
 }
 
-void CudaBackend::settle() {
+void CudaEngine::settle() {
     synchronize();
     lazy_.catch_up();
 }
 
-StepStats CudaBackend::take_stats() {
-    const StepStats out = stats_;
+StepStats CudaEngine::take_stats() {
+    StepStats out = stats_;
     stats_.steps = 0;
     stats_.num_nonfinite_gradients = 0;
+    // Steps on splats count on the device. Whoever takes them asks once it is idle.
+    if (wire_.left_out.get() && !wire_.is_updating) {
+        unsigned counts[2];
+        device_stream_.copy(counts, wire_.left_out.get(), sizeof counts);
+        device_stream_.wait();
+        out.num_nonfinite_gradients += counts[0] + counts[1], out.num_nonfinite_common += counts[1];
+        GS_CUDA(cudaMemsetAsync(wire_.left_out.get(), 0, sizeof counts, stream_));
+    }
     return out;
 }
 
-void CudaBackend::measure_stages(std::optional<int> pass) {
+std::vector<StageCost> CudaEngine::measure_stages(std::optional<int> pass) {
     synchronize();
-    times_.pass = pass;
-}
-
-std::vector<StageCost> CudaBackend::take_stage_costs() {
-    synchronize();
+    const bool continues = std::exchange(times_.pass, pass) && pass && *pass > 0;
+    if (continues) return {};
     const ModelInfo& info = appearance_model(meta_.appearance.model);
     // Of a mixed model the costs of a residual are those of a mean Gaussian.
     const double share =
         meta_.active_degree > 0 && model_.count > 0 ? double(model_.num_residuals()) / double(model_.count) : 0;
-    return times_.take({.width = share * model_.width[int(Group::kResidual)],
-                        .adam_bytes = model_.packed_moments ? 16.0 : 24.0,
-                        .operations = share * info.operations,
-                        .operations_backward = share * info.operations_backward});
+    std::vector<StageCost> costs = times_.take({.width = share * model_.width[int(Group::kResidual)],
+                                                .adam_bytes = model_.packed_moments ? 16.0 : 24.0,
+                                                .operations = share * info.operations,
+                                                .operations_backward = share * info.operations_backward});
+    return pass ? std::vector<StageCost>{} : costs;
 }
 
-Ceilings CudaBackend::measure_ceilings() {
-    synchronize();
-    return cuda_ceilings();
-}
-
-MemoryUse CudaBackend::memory() {
+MemoryUse CudaEngine::memory() {
     synchronize();
     MemoryUse use;
     use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
@@ -732,16 +737,16 @@ MemoryUse CudaBackend::memory() {
 
 // --- densification --------------------------------------------------------------------------------------------------
 
-DensifyStats CudaBackend::densify(const DensifyRequest& r) {
+DensifyStats CudaEngine::densify(const DensifyRequest& r) {
     return change_rows([&](CudaDensify& d) {
         if (const auto* mcmc = std::get_if<McmcParams>(&r.rule)) return d.mcmc(*mcmc, r.iteration, meta_.step, r.seed);
-        return d.adc(std::get<AdcParams>(r.rule), r.iteration, r.seed);
+        if (const auto* adc = std::get_if<AdcParams>(&r.rule)) return d.adc(*adc, r.iteration, r.seed);
+        d.reset_opacity();
+        return DensifyStats{.count = model_.count};
     });
 }
-void CudaBackend::reset_opacity() {
-    change_rows([](CudaDensify& d) { return d.reset_opacity(), 0; });
-}
-void CudaBackend::gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores) {
+std::optional<std::vector<float>> CudaEngine::scores(const std::vector<RenderRequest>& views) {
+    CudaScores scores(model_.count, stream_);
     for (RenderRequest view : views) {
         view.mode = RenderMode::kFull;
         const CudaBins bins = forward_whole(view);
@@ -749,40 +754,25 @@ void CudaBackend::gather_scores(const std::vector<RenderRequest>& views, CudaSco
         scores.add(bins, splats_, blend_image(view.camera, view.background), options_.deterministic ? &slots : nullptr,
                    std::int64_t(statuses_->num_instances));
     }
-}
-std::vector<float> CudaBackend::scores(const std::vector<RenderRequest>& views) {
-    CudaScores scores(model_.count, stream_);
-    gather_scores(views, scores);
     return scores.download();
 }
-std::int64_t CudaBackend::num_residuals() const { return model_.num_residuals(); }
-TargetImage CudaBackend::enqueue_error(const StepRequest& r, double* error) {
+TargetImage CudaEngine::enqueue_error(const StepRequest& r, double* error) {
     const TargetImage target = images_.get(r.target, 0, stream_).image;
     const bool corrected = ppisp_.corrects(r.isp);
     if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
     write_error({corrected ? ppisp_.corrected() : image_, target, r.background, 0, 0}, dL_dimage_, error, stream_);
     return target;
 }
-double CudaBackend::error_of_view(const StepRequest& r) {
-    DeviceBuffer<double> error;
-    GS_CUDA(cudaMemsetAsync(error.reserve(1), 0, sizeof(double), stream_));
-    enqueue_error(r, error.get());
-    GS_CUDA(cudaStreamSynchronize(stream_));
-    return error.download(1)[0];
-}
-double CudaBackend::squared_error(const StepRequest& r) {
-    forward_whole({r.camera, r.background, RenderMode::kFull, r.isp}, true);
-    return error_of_view(r);
-}
-std::vector<float> CudaBackend::base_colors() const {
+std::vector<float> CudaEngine::download_bases() {
+    synchronize();
     return model_.param[int(Group::kBase)].download(3 * model_.count);
 }
-ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSource& step_on) {
+std::optional<ResidualScores> CudaEngine::residual_scores(std::size_t num_views, const StepSource& step_on) {
     settle();
     const std::int64_t n = model_.count;
     // So that a choice needs no more memory than training.
-    const CudaImages::Loan loan(images_, CudaResidualScores::bytes(num_residuals()));
-    CudaResidualScores scores(num_residuals(), stream_);
+    const CudaImages::Loan loan(images_, CudaResidualScores::bytes(model_.num_residuals()));
+    CudaResidualScores scores(model_.num_residuals(), stream_);
     const auto params = [&] { return preprocess_args({}, RenderMode::kFull, {}).params; };
     for (std::size_t view = 0; view < num_views; ++view) {
         const StepRequest r = step_on(view);
@@ -802,9 +792,9 @@ ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSou
         scores.add(params(), binning_.input().counts, splats_, sums_);
         GS_CUDA(cudaStreamSynchronize(stream_));  // the next image may take this one's place
     }
-    return residual_scores_of(scores.download(), meta_.appearance.activation, base_colors());
+    return residual_scores_of(scores.download(), meta_.appearance.activation, download_bases());
 }
-void CudaBackend::keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
+void CudaEngine::keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
     settle();
     sizes_ = {};  // moving rows may use all of the scratch block
     half_residuals_current_ = false;
@@ -818,14 +808,12 @@ void CudaBackend::keep_residuals(const std::vector<std::uint8_t>& marks, const s
     residuals.resolve(scratch_);
     lazy_.reset(meta_.step);
 }
-PruneStats CudaBackend::prune(const PruneRequest& request) {
+PruneStats CudaEngine::prune(const PruneRequest& request) {
     PruneStats stats;
     if (std::holds_alternative<NonFiniteRows>(request)) {
         stats.removed = change_rows([&](CudaDensify& d) { return d.prune_nonfinite(stats.by_group.data()); });
-    } else if (const auto* lowest = std::get_if<LowestScores>(&request)) {
-        CudaScores scores(model_.count, stream_);
-        gather_scores(lowest->views, scores);
-        stats.removed = change_rows([&](CudaDensify& d) { return d.prune_lowest_scores(scores.get(), lowest->ratio); });
+    } else if (const auto* but = std::get_if<AllBut>(&request)) {
+        change_rows([&](CudaDensify& d) { return d.keep_rows(but->rows), 0; });
     } else {
         stats.removed = change_rows([](CudaDensify& d) { return d.prune_invisible(); });
         // No Gaussians will come in their place.
@@ -834,12 +822,12 @@ PruneStats CudaBackend::prune(const PruneRequest& request) {
     }
     return stats;
 }
-void CudaBackend::morton_sort() {
+void CudaEngine::morton_sort() {
     change_rows([](CudaDensify& d) { return d.morton_sort(), 0; });
 }
 
-std::unique_ptr<Backend> make_cuda_backend(const ModelKernels& kernels, const BackendOptions& options) {
-    return std::make_unique<CudaBackend>(kernels, options);
+std::unique_ptr<Engine> make_cuda_engine(const ModelKernels& kernels, const BackendOptions& options) {
+    return std::make_unique<CudaEngine>(kernels, options);
 }
 
 }  // namespace gs

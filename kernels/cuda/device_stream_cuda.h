@@ -2,24 +2,24 @@
 // A CUDA device as a rank shows it to those who move its arrays. Only .cu files include this header.
 #pragma once
 
+#include "kernels/core/device_stream.h"
 #include "kernels/cuda/device_memory.h"
-#include "kernels/ranks/rank_device.h"
 
 namespace gs {
 
-class CudaRankDevice final : public RankDevice {
+class CudaDeviceStream final : public DeviceStream {
   public:
     /// Works on a stream, which must outlive it, of the device that is current.
-    explicit CudaRankDevice(cudaStream_t stream) : stream_(stream) {}
-    ~CudaRankDevice() {
+    explicit CudaDeviceStream(cudaStream_t stream) : stream_(stream) {}
+    ~CudaDeviceStream() {
         if (!transfers_) return;
         cudaStreamSynchronize(transfers_);
         cudaEventDestroy(marked_);
         cudaEventDestroy(transferred_);
         cudaStreamDestroy(transfers_);
     }
-    CudaRankDevice(const CudaRankDevice&) = delete;
-    CudaRankDevice& operator=(const CudaRankDevice&) = delete;
+    CudaDeviceStream(const CudaDeviceStream&) = delete;
+    CudaDeviceStream& operator=(const CudaDeviceStream&) = delete;
 
     std::unique_ptr<DeviceBlock> make_block() override { return std::make_unique<Block>(); }
     void copy(void* to, const void* from, std::size_t bytes) override {

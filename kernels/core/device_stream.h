@@ -17,7 +17,7 @@ class DeviceBlock {
 
 /// The device of a rank. What it is told it does in order, on one stream; a second one is for what passes between
 /// ranks.
-class RankDevice {
+class DeviceStream {
   public:
     /// Makes an empty block, which may outlive this object.
     virtual std::unique_ptr<DeviceBlock> make_block() = 0;
@@ -34,7 +34,7 @@ class RankDevice {
     virtual void join_transfers() = 0;
 
   protected:
-    ~RankDevice() = default;
+    ~DeviceStream() = default;
 };
 
 }  // namespace gs

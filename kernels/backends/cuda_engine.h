@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA backend: one stream of steps, with the host running ahead of it. Only .cu files include this header.
+// The CUDA engine: one stream of steps, with the host running ahead of it. Only .cu files include this header.
 //
 // The host never waits inside a step, whose kernels are launched as one graph. A capacity bounds the sizes that it
 // cannot know (the number of instances of a view), and a forecast what of it a view is likely to need. A step that does
@@ -14,17 +14,17 @@
 #include "kernels/backends/images_cuda.h"
 #include "kernels/backends/instance_forecast.h"
 #include "kernels/backends/model_kernels_cuda.h"
-#include "kernels/backends/rank_device_cuda.h"
 #include "kernels/backends/recent_most.h"
 #include "kernels/backends/stage_times_cuda.h"
 #include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/blend/score_cuda.h"
+#include "kernels/cuda/device_stream_cuda.h"
 #include "kernels/cuda/launch_graph.h"
 #include "kernels/densify/densify_cuda.h"
+#include "kernels/engine.h"
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/optimizer/lazy_cuda.h"
 #include "kernels/ppisp/ppisp_cuda.h"
-#include "kernels/ranks/shard.h"
 
 namespace gs {
 
@@ -35,80 +35,60 @@ struct StepStatus {
     unsigned num_visible, num_nonfinite, stopped;
 };
 
-/// The backend of one model on the current device. Only one thread may use it.
-class CudaBackend final : public Backend, public Shard, private BackendTimer {
+/// The engine of one model on the current device.
+class CudaEngine final : public Engine {
   public:
-    CudaBackend(const ModelKernels& kernels, const BackendOptions& options);
-    ~CudaBackend() override;
+    CudaEngine(const ModelKernels& kernels, const BackendOptions& options);
+    ~CudaEngine() override;
 
-    std::string describe() const override;
+    // the model
+    MemoryUse memory() override;
+    void synchronize() override;
     void upload(const Gaussians& state) override;
     Gaussians download(bool with_moments) override;
-    std::int64_t count() const override { return model_.count; }
+    RowCounts counts() const override { return {model_.count, model_.num_residuals()}; }
     void set_active_degree(int degree) override;
     void upload_ppisp(const PpispState& state) override;
-    PpispState download_ppisp() override;
-
-    void render(const RenderRequest& request, RenderedImage& out) override;
-    void step(const StepRequest& request) override;
-    void distill(const StepRequest& request) override;
-    StepStats take_stats() override;
-    void synchronize() override;
-
-    MemoryUse memory() override;
-    BackendTimer& timer() override { return *this; }
-    Shard* shard() override { return this; }
-
+    PpispState download_ppisp(bool with_moments) override;
+    std::vector<float> download_bases() override;
     DensifyStats densify(const DensifyRequest& request) override;
-    void reset_opacity() override;
-    std::vector<float> scores(const std::vector<RenderRequest>& views) override;
-    std::int64_t num_residuals() const override;
-    ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) override;
-    double squared_error(const StepRequest& view) override;
-    void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override;
     PruneStats prune(const PruneRequest& request) override;
+    void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override;
     void morton_sort() override;
 
-    // cuda_shard.cu
-    RankDevice* device() override { return &rank_device_; }
+    // views and steps of the engine's own Gaussians
+    void render(const RenderRequest& request, const SplatParts* splats, RenderedImage& out) override;
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
+    std::optional<std::vector<float>> scores(const std::vector<RenderRequest>& views) override;
+    std::optional<ResidualScores> residual_scores(std::size_t num_views, const StepSource& step_on) override;
+    void step(const StepRequest& request) override;
+    void distill(const StepRequest& request, const SplatParts* splats) override;
+    StepStats take_stats() override;
+    std::vector<StageCost> measure_stages(std::optional<int> pass) override;
+
+    // cuda_engine_splats.cu
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
-    void end_projection(ProjectedView& out, ViewReport* report) override;
-    void end_projection(ProjectedView& out, std::size_t room, ViewReport* report) override;
+    void end_projection(ProjectedView& out, std::optional<std::size_t> room, ViewReport* report) override;
     ScratchPlaces room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed, bool first,
                                   bool last) override;
-    void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
-                       RankArray<WireSplat>& out) override;
-    void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
-    void loss_of_splats(const SplatParts& splats, const StepRequest& request, const SumParts<SplatSums<float>>& sums,
+    void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RowCounts>& of_ranks,
+                       DeviceArray<WireSplat>& out) override;
+    double squared_error(const StepRequest& request, const SplatParts& splats) override;
+    void add_scores(const RenderRequest& request, const SplatParts& splats, const SumParts<double>& scores) override;
+    void add_residual_sums(const StepRequest& request, const SplatParts& splats,
+                           const SumParts<ResidualSplatSums>& sums) override;
+    void loss_of_splats(const StepRequest& request, const SplatParts& splats, const SumParts<SplatSums<float>>& sums,
                         std::vector<float>& isp_gradient, ViewReport* report) override;
-    void judge(const RankArray<ViewReport>& reports) override;
-    std::vector<ViewReport> read_reports() override;
-    void note_view(std::int64_t id, const ViewReport& report, bool rendered_here) override;
-    void take_back(std::int64_t num_views) override;
-    void distill_splats(const SplatParts& splats, const StepRequest& request) override;
-    double squared_error_of_splats(const SplatParts& splats, const StepRequest& request) override;
-    void scores_of_splats(const SplatParts& splats, const RenderRequest& request,
-                          const SumParts<double>& scores) override;
-    void residuals_of_splats(const SplatParts& splats, const StepRequest& request,
-                             const SumParts<ResidualSplatSums>& sums) override;
-    std::vector<Vec3<float>> colors_without_residual() override;
-    ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override;
-    void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                     const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
-                     RankArray<float>& shared_gradient) override;
+    void update_rows(const DeviceArray<ViewReport>& reports, const std::vector<StepRequest>& views,
+                     const std::vector<ProjectedView>& projected,
+                     const std::vector<DeviceArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                     DeviceArray<float>& shared_gradient) override;
     void update_shared_weights(const std::vector<StepRequest>& views,
-                               const RankArray<float>& shared_gradients) override;
-    void update_ppisp(const std::vector<StepRequest>& views, std::vector<float>& gradient, bool taken) override;
-    LeftOut take_nonfinite() override;
-    void keep_rows(const std::vector<std::uint32_t>& rows) override;
+                               const DeviceArray<float>& shared_gradients) override;
+    std::vector<ViewReport> read_reports(const std::vector<std::int64_t>& ids, int rank) override;
+    void take_back(std::int64_t num_views) override;
 
   private:
-    double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
-    int stage_passes() const override { return StageTimes::kPasses; }
-    void measure_stages(std::optional<int> pass) override;
-    std::vector<StageCost> take_stage_costs() override;
-    Ceilings measure_ceilings() override;
-
     /// The largest number of steps whose status has not been read. With three the device is never idle while the host
     /// prepares the next.
     static constexpr int kInFlight = 3;
@@ -178,13 +158,16 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     /// Writes the gradient of half the squared error of a rendered training view to dL_dimage_. Adds that error to
     /// *error, on the device, unless that is null. Returns the target.
     TargetImage enqueue_error(const StepRequest& r, double* error);
-    /// Returns the squared error of the view that was rendered last.
-    double error_of_view(const StepRequest& r);
     /// Enqueues the loss of the view that was rendered last, down to the gradient of the rendered image.
     void enqueue_loss(const StepRequest& r, const DeviceTarget& target);
     /// Turns dL_dimage_ into the sums of the view's `n` splats.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
-    std::vector<float> base_colors() const;
+    /// Lets the device judge a step by the reports on its views.
+    void judge(const DeviceArray<ViewReport>& reports);
+    /// Returns the reports of the oldest judgement that was not read.
+    std::vector<ViewReport> read_judgement();
+    /// Trains a controller on a view of splats from all ranks.
+    void distill_splats(const SplatParts& splats, const StepRequest& r);
     /// Enqueues the forward pass of splats that came from ranks.
     CudaBins enqueue_forward(const SplatParts& splats, const RenderRequest& request, bool for_backward,
                              std::int64_t most = std::numeric_limits<std::int64_t>::max());
@@ -202,7 +185,6 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void report_to(int slot, const CudaLossSums& loss);
     /// Waits, and returns what has become of the work in the stream.
     const StepStatus& read_status(const CudaLossSums& loss = {});
-    void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
     /// Waits for the oldest step in flight and takes its status. Repeats the steps that were stopped.
     void finish_oldest();
     void make_room(unsigned long long num_instances);
@@ -226,7 +208,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     const Cutoffs<float> cutoffs_;
     cudaStream_t stream_ = nullptr;
     LaunchGraph step_graph_;
-    CudaRankDevice rank_device_{stream_};
+    CudaDeviceStream device_stream_{stream_};
     CudaModel model_;
     CudaLazyResiduals lazy_;
     DeviceBuffer<__half> half_residuals_;  ///< empty without options.half_residuals
@@ -266,11 +248,10 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         /// read is done, and that is one of the last two.
         std::vector<StepView> host_views[kInFlight];
         int next_views = 0;
-        DeviceBuffer<unsigned> left_out;        ///< since take_nonfinite(): Gaussians' gradients, shared weights'
-        std::int64_t corrections_left_out = 0;  ///< steps of PPISP, in the same time
-        std::int64_t num_gaussians = 0;         ///< of all ranks, in the last step
-        bool is_updating = false;               ///< the device may still be at work on a step
-        DeviceBuffer<Verdict> verdict;          ///< on the last step, or that an earlier one has to be repeated
+        DeviceBuffer<unsigned> left_out;  ///< since take_stats(): Gaussians' gradients, shared weights'
+        std::int64_t num_gaussians = 0;   ///< of all ranks, in the last step
+        bool is_updating = false;         ///< the device may still be at work on a step
+        DeviceBuffer<Verdict> verdict;    ///< on the last step, or that an earlier one has to be repeated
         std::deque<std::unique_ptr<Judgement>> unread, read;  ///< in order, and those whose memory is free
     } wire_;
 
@@ -285,7 +266,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     StageTimes times_;
 };
 
-template <class Fn> auto CudaBackend::change_rows(Fn fn) {
+template <class Fn> auto CudaEngine::change_rows(Fn fn) {
     settle();
     sizes_ = {};  // fn may use all of the scratch block
     half_residuals_current_ = false;

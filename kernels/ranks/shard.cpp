@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Projects the rank's Gaussians for all views, renders the rank's views, and takes the rank's part of a step.
-#include "kernels/ranks/rank_worker.h"
+#include "kernels/ranks/shard.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numeric>
 
+#include "kernels/blend/residual_score.h"
 #include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
+#include "kernels/ppisp/ppisp.h"
 #include "kernels/ranks/messages.h"
 
 namespace gs {
@@ -16,9 +19,28 @@ namespace {
 /// Returns a seed for the rank, so that no two ranks draw the same numbers for their rows.
 std::uint64_t rank_seed(std::uint64_t seed, int rank) { return seed + std::uint64_t(rank) * 0x9E3779B97F4A7C15ull; }
 
-Shard& shard_of(Backend& backend) {
-    if (Shard* shard = backend.shard()) return *shard;
-    throw UsageError("a training over several ranks is not possible on this device: " + backend.describe());
+/// Adds what a view says of the residuals of a rank's Gaussians to `totals` (rows with a residual). `bases` are the
+/// colours of all rows without a residual.
+void add_view_to(std::vector<ResidualSums>& totals, const ProjectedView& projected,
+                 std::span<const ResidualSplatSums> sums, const std::vector<Vec3<float>>& bases) {
+    std::vector<WireSplat> copied_splats;
+    std::vector<std::uint32_t> copied_rows;
+    const auto splats = projected.splats.on_host(copied_splats);
+    const auto rows = projected.rows.on_host(copied_rows);
+    parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t k) {
+        const std::uint32_t row = rows[k];
+        if (row >= totals.size() || !(sums[k].weight > 0)) return;
+        const WireSplat& s = splats[k];
+        totals[row].add(sums[k].weight, sums[k].gradient, {s.red, s.green, s.blue}, bases[row]);
+    });
+}
+
+/// Returns the colours that Gaussians with these base colours (n, 3) show without a residual.
+std::vector<Vec3<float>> shown_bases(const std::vector<float>& bases, ColorActivation activation) {
+    std::vector<Vec3<float>> out;
+    for (std::size_t i = 0; i < bases.size(); i += 3)
+        out.push_back(activate(activation, Vec3<float>{bases[i], bases[i + 1], bases[i + 2]}));
+    return out;
 }
 
 /// Lets the request keep its pixels where they are lent for a call.
@@ -48,7 +70,7 @@ std::size_t with_alignment(std::size_t num) {
 
 /// Lets arrays of values lie one after another from `at` on, at multiples of 16 bytes, where there is such a place.
 template <class T> auto one_after_another(std::byte* at) {
-    return [at](RankArray<WireSplat>& array, std::size_t room) mutable {
+    return [at](DeviceArray<WireSplat>& array, std::size_t room) mutable {
         array.lie_at(at && room > 0 ? at : nullptr);
         if (at) at += with_alignment(room) * sizeof(T);
     };
@@ -68,40 +90,40 @@ std::vector<ShownView> shown(const std::vector<StepRequest>& steps, ViewReport* 
 
 }  // namespace
 
-RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targets)
+Shard::Shard(Communicator& ranks, Engine& engine, TargetSource targets)
     : ranks_(ranks),
-      backend_(backend),
-      shard_(shard_of(backend)),
+      engine_(engine),
+      device_(engine.traits().stream),
       targets_(std::move(targets)),
-      makes_rooms_(shard_.device() && (ranks_.size() == 1 || ranks_.link())),
-      ordered_(shard_.device()),
-      reports_(shard_.device()),
-      reports_of_all_ranks_(shard_.device()),
-      shared_(shard_.device()),
-      shared_of_all_ranks_(shard_.device()) {
-    for (int r = 0; r < ranks_.size(); ++r) received_.emplace_back(shard_.device());
-    sums_.device = shard_.device();
+      makes_rooms_(device_ && (ranks_.size() == 1 || ranks_.link())),
+      ordered_(device_),
+      reports_(device_),
+      reports_of_all_ranks_(device_),
+      shared_(device_),
+      shared_of_all_ranks_(device_) {
+    for (int r = 0; r < ranks_.size(); ++r) received_.emplace_back(device_);
+    sums_.device = device_;
     if (!ranks_.link()) return;
     // The first transfer between two devices takes tenths of a second.
-    RankArray<float> sent(shard_.device()), received(shard_.device());
+    DeviceArray<float> sent(device_), received(device_);
     sent.assign({0, 0, 0, 0});
     received.resize(4 * received_.size());
     const std::vector<ConstBytes> out(received_.size(), std::as_const(sent).bytes());
     std::vector<Bytes> in;
     for (std::size_t r = 0; r < received_.size(); ++r) in.push_back(received.bytes(4 * r, 4 * r + 4));
-    ranks_.exchange(out, in, shard_.device());
-    shard_.device()->wait();
+    ranks_.exchange(out, in, device_);
+    device_->wait();
 }
 
-std::size_t RankWorker::rank_after(std::size_t offset) const {
+std::size_t Shard::rank_after(std::size_t offset) const {
     return (std::size_t(ranks_.rank()) + offset) % std::size_t(ranks_.size());
 }
 
-void RankWorker::bring_target(StepRequest& request) const {
+void Shard::bring_target(StepRequest& request) const {
     if (!request.target.u8 && !request.target.f32) targets_(request);
 }
 
-template <class Fn> auto RankWorker::on_received(Fn&& fn) {
+template <class Fn> auto Shard::on_received(Fn&& fn) {
     try {
         return fn();
     } catch (const Error&) {
@@ -111,8 +133,8 @@ template <class Fn> auto RankWorker::on_received(Fn&& fn) {
 }
 
 template <class Sum, class Fn>
-void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view) {
-    while (projected_.size() < views.size()) projected_.emplace_back(shard_.device());
+void Shard::render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view) {
+    while (projected_.size() < views.size()) projected_.emplace_back(device_);
     for (std::size_t first = 0; first < views.size(); first += received_.size()) {
         const std::size_t mine = first + rank_after(0);
         gather_splats(views, first);
@@ -125,7 +147,7 @@ void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<S
     }
 }
 
-template <class Fn> void RankWorker::for_places(const std::vector<ShownView>& views, std::size_t first, Fn&& fn) {
+template <class Fn> void Shard::for_places(const std::vector<ShownView>& views, std::size_t first, Fn&& fn) {
     const std::size_t num_ranks = received_.size(), own = rank_after(0), mine = first + own,
                       end = std::min(first + num_ranks, views.size());
     const bool renders = mine < end, projects_more = end < views.size();
@@ -139,7 +161,7 @@ template <class Fn> void RankWorker::for_places(const std::vector<ShownView>& vi
     }
 }
 
-void RankWorker::choose_places(const std::vector<ShownView>& views, std::size_t first, bool foreseen) {
+void Shard::choose_places(const std::vector<ShownView>& views, std::size_t first, bool foreseen) {
     ranks_.settle();  // what they hold may still be on its way
     const std::size_t num_ranks = received_.size(), mine = first + rank_after(0);
     places_ = {};
@@ -148,23 +170,20 @@ void RankWorker::choose_places(const std::vector<ShownView>& views, std::size_t 
         for (std::size_t r = 0; r < num_ranks; ++r) splats += room(views[mine].id, r);
         for_places(views, first, [&](const auto&, std::size_t room) { placed += with_alignment(room); });
         places_ =
-            shard_.room_for_splats(views[mine].camera, splats, placed, first == 0, first + num_ranks >= views.size());
+            engine_.room_for_splats(views[mine].camera, splats, placed, first == 0, first + num_ranks >= views.size());
     }
     for_places(views, first, one_after_another<WireSplat>(places_.splats));
 }
 
-void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t first) {
+void Shard::gather_splats(const std::vector<ShownView>& views, std::size_t first) {
     const std::size_t num_ranks = received_.size();
-    RankDevice* const device = shard_.device();
     const auto begin_projection = [&](std::size_t view) {
-        if (view < views.size()) shard_.begin_projection(views[view].camera, views[view].mode, views[view].for_step);
+        if (view < views.size()) engine_.begin_projection(views[view].camera, views[view].mode, views[view].for_step);
     };
     const bool foreseen = makes_rooms_ && views[first].for_step;
     const auto end_projection = [&](std::size_t view) {
-        if (foreseen)
-            shard_.end_projection(projected_[view], room(views[view].id, rank_after(0)), views[view].report);
-        else
-            shard_.end_projection(projected_[view], views[view].report);
+        const auto known = foreseen ? std::optional(room(views[view].id, rank_after(0))) : std::nullopt;
+        engine_.end_projection(projected_[view], known, views[view].report);
     };
     const std::size_t mine = first + rank_after(0);
     const bool renders = mine < views.size();
@@ -175,7 +194,7 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
         const std::size_t to = rank_after(offset), from = rank_after(num_ranks - offset), view = first + to;
         const bool sends = view < views.size();
         if (sends) end_projection(view);
-        if (device) device->mark();
+        if (device_) device_->mark();
         begin_projection(first + rank_after(offset + 1));
         const std::vector<std::uint64_t> sent = {sends ? projected_[view].splats.size() : 0};
         std::vector<std::uint64_t> received = {renders && foreseen ? room(views[mine].id, from) : 0};
@@ -189,27 +208,27 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
         received_[from].resize(received[0]);
         if (sends) out[to] = std::as_const(projected_[view]).splats.bytes();
         in[from] = received_[from].bytes();
-        ranks_.begin(out, in, device);
+        ranks_.begin(out, in, device_);
         splats_sent_ += double(sent[0]);
     }
     splats_.clear();
-    if (!renders) return ranks_.finish(device);
+    if (!renders) return ranks_.finish(device_);
     end_projection(mine);
     for (const auto& part : received_) splats_.push_back(&part);
     splats_[rank_after(0)] = &projected_[mine].splats;
-    ranks_.finish(device);
+    ranks_.finish(device_);
 }
 
 template <class Sum>
-void RankWorker::place_sums(const std::vector<ShownView>& views, std::size_t first, SumsOfViews<Sum>& sums) {
-    const auto array_for = [&](const RankArray<WireSplat>& splats) {
-        return sums.device ? RankArray<Sum>::in_memory_of(splats) : RankArray<Sum>();
+void Shard::place_sums(const std::vector<ShownView>& views, std::size_t first, SumsOfViews<Sum>& sums) {
+    const auto array_for = [&](const DeviceArray<WireSplat>& splats) {
+        return sums.device ? DeviceArray<Sum>::in_memory_of(splats) : DeviceArray<Sum>();
     };
     while (sums.computed.size() < received_.size()) sums.computed.push_back(array_for(received_[sums.computed.size()]));
     while (sums.of_view.size() < projected_.size())
         sums.of_view.push_back(array_for(projected_[sums.of_view.size()].splats));
     sums.parts.clear();
-    for (RankArray<Sum>& part : sums.computed) sums.parts.push_back(&part);
+    for (DeviceArray<Sum>& part : sums.computed) sums.parts.push_back(&part);
     if (const std::size_t mine = first + rank_after(0); mine < views.size())
         sums.parts[rank_after(0)] = &sums.of_view[mine];
     if constexpr (std::is_same_v<Sum, SplatSums<float>>)
@@ -217,7 +236,7 @@ void RankWorker::place_sums(const std::vector<ShownView>& views, std::size_t fir
 }
 
 template <class Sum>
-void RankWorker::scatter_sums(std::size_t first, const std::vector<ShownView>& views, SumsOfViews<Sum>& sums) {
+void Shard::scatter_sums(std::size_t first, const std::vector<ShownView>& views, SumsOfViews<Sum>& sums) {
     const std::size_t num_ranks = received_.size(), num_views = views.size();
     std::vector<ConstBytes> out(num_ranks);
     std::vector<Bytes> in(num_ranks);
@@ -237,71 +256,91 @@ void RankWorker::scatter_sums(std::size_t first, const std::vector<ShownView>& v
     ranks_.begin(out, in, sums.device);
 }
 
-void RankWorker::order_by_rows(std::size_t first_view, std::size_t num_views) {
+void Shard::order_by_rows(std::size_t first_view, std::size_t num_views) {
     const std::size_t num_ranks = received_.size();
     if (num_ranks == 1) return;
     RowParts rows;
     std::vector<ConstBytes> out(num_ranks);
     std::vector<Bytes> in(num_ranks);
     for (std::size_t r = 0; r < num_ranks; ++r) {
-        rows.emplace_back(shard_.device());
+        rows.emplace_back(device_);
         if (first_view + r < num_views) out[r] = std::as_const(projected_[first_view + r].rows).bytes();
         if (splats_.empty()) continue;
         rows[r].resize(splats_[r]->size());
         in[r] = rows[r].bytes();
     }
-    ranks_.exchange(out, in, shard_.device());
+    ranks_.exchange(out, in, device_);
     if (splats_.empty()) return;
-    shard_.order_by_rows(splats_, rows, rows_, ordered_);
+    engine_.order_by_rows(splats_, rows, rows_, ordered_);
     splats_ = {&ordered_};
 }
 
-void RankWorker::upload(const Gaussians& part) {
-    backend_.upload(part);
-    isp_size_ = part.ppisp.size();
+void Shard::upload(const Gaussians* model) {
+    const int num_ranks = ranks_.size();
+    std::optional<Gaussians> part;
+    // The parts go one by one, so that no more than two are in memory besides the model.
+    for (int r = 1; model && r < num_ranks; ++r) {
+        MessageWriter message;
+        put(message, dealt_part(*model, num_ranks, r));
+        send_to(ranks_, r, message);
+    }
+    if (!model) {
+        MessageReader message = receive_from_rank_0(ranks_);
+        get(message, part.emplace());
+    } else if (num_ranks > 1) {
+        part = dealt_part(*model, num_ranks, 0);
+    }
+    const Gaussians& own = part ? *part : *model;
+    engine_.upload(own);
+    isp_size_ = own.ppisp.size();
+    activation_ = own.appearance.activation;
     count_rows();
 }
 
-void RankWorker::upload_ppisp(const PpispState& state) {
-    backend_.upload_ppisp(state);
+void Shard::upload_ppisp(const PpispState& state) {
+    engine_.upload_ppisp(state);
     isp_size_ = state.size();
 }
 
-void RankWorker::count_rows() {
-    rows_ = all_gather(ranks_, RankRows{backend_.count(), backend_.num_residuals()});
+void Shard::count_rows() {
+    rows_ = all_gather(ranks_, engine_.counts());
     num_gaussians_ = 0;
-    for (const RankRows& r : rows_) num_gaussians_ += r.count;
+    for (const RowCounts& r : rows_) num_gaussians_ += r.count;
 }
 
-std::vector<Gaussians> RankWorker::download(bool with_moments) {
+void Shard::download(bool with_moments, Gaussians* whole) {
     std::vector<Gaussians> parts(received_.size());
-    parts[0] = backend_.download(with_moments);
+    parts[0] = engine_.download(with_moments);
+    if (parts.size() == 1) {
+        *whole = std::move(parts[0]);
+        return;
+    }
     MessageWriter message;
-    if (ranks_.rank() > 0) put(message, parts[0]);
+    if (!whole) put(message, parts[0]);
     const auto sizes = all_gather(ranks_, std::uint64_t(message.bytes().size()));
     std::vector<std::vector<std::byte>> received(sizes.size());
     std::vector<ConstBytes> out(sizes.size());
     std::vector<Bytes> in(sizes.size());
     out[0] = message.bytes();
-    if (ranks_.rank() == 0)
+    if (whole)
         for (std::size_t r = 0; r < sizes.size(); ++r) received[r].resize(sizes[r]), in[r] = received[r];
     ranks_.exchange(out, in);
-    if (ranks_.rank() > 0) return {};
+    if (!whole) return;
     for (std::size_t r = 1; r < parts.size(); ++r) {
         MessageReader reader(std::move(received[r]));
-        parts[r] = get_gaussians(reader);
+        get(reader, parts[r]);
     }
-    return parts;
+    *whole = joined(parts);
 }
 
-void RankWorker::render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) {
+void Shard::render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>* out) {
     std::vector<ShownView> show;
     for (const RenderRequest& view : views) show.push_back({view.camera, view.mode});
     SumsOfViews<NoSum> none;
     std::vector<RenderedImage> own;
-    std::vector<RenderedImage>& images = ranks_.rank() == 0 ? out : own;
+    std::vector<RenderedImage>& images = out ? *out : own;
     images.resize(views.size());
-    render_views(show, none, [&](std::size_t k) { shard_.render_splats(splats_, views[k], images[k]); });
+    render_views(show, none, [&](std::size_t k) { engine_.render(views[k], &splats_, images[k]); });
     const std::size_t num_ranks = std::size_t(ranks_.size());
     for (std::size_t first = 0; num_ranks > 1 && first < views.size(); first += num_ranks) {
         for (std::vector<float> RenderedImage::*plane : {&RenderedImage::rgb, &RenderedImage::alpha}) {
@@ -323,7 +362,7 @@ void RankWorker::render(const std::vector<RenderRequest>& views, std::vector<Ren
     }
 }
 
-void RankWorker::step(std::vector<StepRequest> views) {
+void Shard::step(std::vector<StepRequest> views) {
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
     const std::size_t most_unread = makes_rooms_ && !corrects(views) ? 1 : 0;
     while (unread_.size() > most_unread) read_judgement();  // the host takes the step of PPISP
@@ -333,7 +372,7 @@ void RankWorker::step(std::vector<StepRequest> views) {
     while (unread_.size() > most_unread) read_judgement();
 }
 
-void RankWorker::begin_step(std::vector<StepRequest> step_views) {
+void Shard::begin_step(std::vector<StepRequest> step_views) {
     complete_step();
     std::vector<StepRequest>& views = unread_.emplace_back(std::move(step_views));
     isp_gradient_.assign(isp_size_, 0.0f);
@@ -341,25 +380,26 @@ void RankWorker::begin_step(std::vector<StepRequest> step_views) {
     reports_of_all_ranks_.resize(received_.size() * views.size());
     render_views(shown(views, reports_.data()), sums_, [&](std::size_t k) {
         bring_target(views[k]);
-        shard_.loss_of_splats(splats_, views[k], sums_.parts, isp_gradient_, reports_.data() + k);
+        engine_.loss_of_splats(views[k], splats_, sums_.parts, isp_gradient_, reports_.data() + k);
     });
-    ranks_.finish(shard_.device());
-    shard_.judge(reports_of_all_ranks_);
-    shard_.update_rows(views, projected_, sums_.of_view, num_gaussians_, shared_);
+    ranks_.finish(device_);
+    engine_.update_rows(reports_of_all_ranks_, views, projected_, sums_.of_view, num_gaussians_, shared_);
     begin_shared();
     is_incomplete_ = true;
     // Over a link the transfer comes to the device while the next command is on its way.
     if (shared_.size() == 0 || !ranks_.link()) complete_step();
 }
 
-void RankWorker::complete_step() {
+void Shard::complete_step() {
     if (!std::exchange(is_incomplete_, false)) return;
-    if (shared_.size() > 0) ranks_.finish(shard_.device());
-    shard_.update_shared_weights(unread_.back(), shared_of_all_ranks_);
+    if (shared_.size() > 0) ranks_.finish(device_);
+    engine_.update_shared_weights(unread_.back(), shared_of_all_ranks_);
 }
 
-void RankWorker::read_judgement() {
-    const std::vector<ViewReport> reports = on_received([&] { return shard_.read_reports(); });
+void Shard::read_judgement() {
+    std::vector<std::int64_t> ids;
+    for (const StepRequest& view : unread_.front()) ids.push_back(view.target.id);
+    const std::vector<ViewReport> reports = on_received([&] { return engine_.read_reports(ids, ranks_.rank()); });
     // A device goes on when another rank is lost, with whatever is in its arrays.
     if (ranks_.stop_token().stop_requested()) all_gather(ranks_, 0);  // it throws
     const std::vector<StepRequest>& views = unread_.front();
@@ -370,7 +410,7 @@ void RankWorker::read_judgement() {
         complete_step();
         std::int64_t taken_back = 0;
         for (const auto& step : unread_) taken_back += std::int64_t(step.size());
-        shard_.take_back(taken_back);
+        engine_.take_back(taken_back);
         for (auto& step : std::exchange(unread_, {})) {
             while (!unread_.empty()) read_judgement();
             begin_step(std::move(step));
@@ -393,20 +433,13 @@ void RankWorker::read_judgement() {
             for (float& gradient : isp_gradient_) gradient *= float(mean);
             sum_over_ranks(ranks_, isp_gradient_);
         }
-        shard_.update_ppisp(views, isp_gradient_, taken);
+        update_ppisp(views, taken);
     }
     unread_.pop_front();
 }
 
-void RankWorker::note_reports(const std::vector<StepRequest>& views, const std::vector<ViewReport>& reports) {
+void Shard::note_reports(const std::vector<StepRequest>& views, const std::vector<ViewReport>& reports) {
     const std::size_t num_ranks = received_.size();
-    for (const bool lacks : {false, true})  // what is made room for last stays
-        for (std::size_t k = 0; k < views.size(); ++k) {
-            const std::size_t r = k % num_ranks;
-            const ViewReport& report = reports[r * views.size() + k];
-            if ((report.lacks_instances != 0) == lacks)
-                shard_.note_view(views[k].target.id, report, r == rank_after(0));
-        }
     std::vector<std::uint64_t> shares(views.size());
     for (std::size_t k = 0; k < views.size() && makes_rooms_; ++k) {
         std::uint64_t& share = shares[k];
@@ -420,7 +453,7 @@ void RankWorker::note_reports(const std::vector<StepRequest>& views, const std::
     }
 }
 
-void RankWorker::finish_steps() {
+void Shard::finish_steps() {
     complete_step();
     while (!unread_.empty()) {
         read_judgement();
@@ -428,30 +461,41 @@ void RankWorker::finish_steps() {
     }
 }
 
-bool RankWorker::corrects(const std::vector<StepRequest>& views) const {
+bool Shard::corrects(const std::vector<StepRequest>& views) const {
     return isp_size_ > 0 &&
            std::any_of(views.begin(), views.end(), [](const StepRequest& r) { return r.isp_rate > 0; });
 }
 
-void RankWorker::begin_shared() {
+void Shard::begin_shared() {
     const std::size_t num_ranks = received_.size(), row = shared_.size();
     if (row == 0) return;  // on all ranks
     shared_of_all_ranks_.resize(num_ranks * row);
     std::vector<ConstBytes> out(num_ranks, std::as_const(shared_).bytes());
     std::vector<Bytes> in;
     for (std::size_t r = 0; r < num_ranks; ++r) in.push_back(shared_of_all_ranks_.bytes(r * row, (r + 1) * row));
-    if (RankDevice* device = shard_.device()) device->mark();
-    ranks_.begin(out, in, shard_.device());
+    if (device_) device_->mark();
+    ranks_.begin(out, in, device_);
 }
 
-std::int64_t RankWorker::take_nonfinite() {
-    const std::vector<LeftOut> of_ranks = all_gather(ranks_, shard_.take_nonfinite());
-    std::int64_t sum = of_ranks[0].of_common;
-    for (const LeftOut& one : of_ranks) sum += one.of_rows;
+void Shard::update_ppisp(const std::vector<StepRequest>& views, bool taken) {
+    PpispState state = engine_.download_ppisp(true);  // it is small: the host takes its step
+    const auto learns = [&](const StepRequest& r) { return is_corrected(state, r.isp) && r.isp_rate > 0; };
+    if (std::none_of(views.begin(), views.end(), learns)) return;
+    state.step += std::int64_t(views.size());
+    if (taken && !step_ppisp(state, isp_gradient_, views[0].isp_rate, int(views.size()))) ++corrections_left_out_;
+    engine_.upload_ppisp(state);
+}
+
+std::int64_t Shard::take_nonfinite() {
+    engine_.synchronize();
+    const StepStats own = engine_.take_stats();
+    std::int64_t sum = std::exchange(corrections_left_out_, 0) + own.num_nonfinite_common;
+    for (const std::int64_t of_rows : all_gather(ranks_, own.num_nonfinite_gradients - own.num_nonfinite_common))
+        sum += of_rows;
     return sum;
 }
 
-void RankWorker::count_step(const Mark& begin) {
+void Shard::count_step(const Mark& begin) {
     ++costs_.steps;
     costs_.seconds += seconds_now() - begin.seconds;
     costs_.cpu_seconds += cpu_seconds() - begin.cpu_seconds;
@@ -459,21 +503,22 @@ void RankWorker::count_step(const Mark& begin) {
     costs_.splats_sent += splats_sent_ - begin.splats_sent;
 }
 
-void RankWorker::distill(const StepRequest& request) {
+void Shard::distill(const StepRequest& request) {
     SumsOfViews<NoSum> none;
-    render_views({{request.camera}}, none, [&](std::size_t) { shard_.distill_splats(splats_, request); });
+    render_views({{request.camera}}, none, [&](std::size_t) { engine_.distill(request, &splats_); });
 }
 
-double RankWorker::squared_error(const StepRequest& request) {
+double Shard::squared_error(const StepRequest& request) {
     SumsOfViews<NoSum> none;
     double error = 0;
-    render_views({{request.camera}}, none,
-                 [&](std::size_t) { error = shard_.squared_error_of_splats(splats_, request); });
+    render_views({{request.camera}}, none, [&](std::size_t) { error = engine_.squared_error(request, splats_); });
     return error;
 }
 
-std::vector<float> RankWorker::scores(const std::vector<RenderRequest>& views) {
-    std::vector<double> totals(std::size_t(backend_.count()), 0.0);
+std::vector<float> Shard::scores(const std::vector<RenderRequest>& views) {
+    if (ranks_.size() == 1)
+        if (auto of_engine = engine_.scores(views)) return std::move(*of_engine);
+    std::vector<double> totals(std::size_t(engine_.counts().count), 0.0);
     const std::size_t batch = std::size_t(ranks_.size());
     SumsOfViews<double> sums;
     std::vector<std::uint32_t> copied_rows;
@@ -481,49 +526,108 @@ std::vector<float> RankWorker::scores(const std::vector<RenderRequest>& views) {
         const std::size_t size = std::min(batch, views.size() - first);
         std::vector<ShownView> some;
         for (std::size_t k = 0; k < size; ++k) some.push_back({views[first + k].camera});
-        render_views(some, sums,
-                     [&](std::size_t k) { shard_.scores_of_splats(splats_, views[first + k], sums.parts); });
+        render_views(some, sums, [&](std::size_t k) { engine_.add_scores(views[first + k], splats_, sums.parts); });
         for (std::size_t k = 0; k < size; ++k) {
             const auto rows = projected_[k].rows.on_host(copied_rows);
             for (std::size_t i = 0; i < rows.size(); ++i) totals[rows[i]] += sums.of_view[k].values()[i];
         }
     }
-    return {totals.begin(), totals.end()};
+    return gather_rows_of_all({totals.begin(), totals.end()}, 1);
 }
 
-ResidualScores RankWorker::residual_scores(std::size_t num_views,
-                                           const std::function<std::vector<StepRequest>(std::size_t first)>& batch_on) {
-    std::vector<ResidualSums> totals(std::size_t(backend_.num_residuals()), ResidualSums{});
+std::vector<StepRequest> Shard::next_steps(std::size_t first, std::size_t num_views, const StepSource* step_on) {
+    std::vector<StepRequest> views;
+    if (!step_on) {
+        MessageReader message = receive_from_rank_0(ranks_);
+        get(message, views);
+        return views;
+    }
+    views.resize(std::min(num_views - first, std::size_t(ranks_.size())));
+    // Rank 0 renders the first, whose pixels are gone with the next call of step_on.
+    for (std::size_t k = views.size(); k-- > 0;) {
+        views[k] = (*step_on)(first + k);
+        if (k > 0) views[k].target.u8 = nullptr, views[k].target.f32 = nullptr;
+    }
+    if (ranks_.size() > 1) {
+        MessageWriter message;
+        put(message, views);
+        send_to_others(ranks_, message);
+    }
+    return views;
+}
+
+ResidualScores Shard::residual_scores(std::uint64_t num_views, const StepSource* step_on) {
+    if (ranks_.size() == 1)
+        if (auto of_engine = engine_.residual_scores(num_views, *step_on)) return std::move(*of_engine);
+    std::vector<ResidualSums> totals(std::size_t(engine_.counts().num_residuals), ResidualSums{});
     SumsOfViews<ResidualSplatSums> sums;
-    const std::vector<Vec3<float>> bases = shard_.colors_without_residual();
+    const std::vector<float> bases = engine_.download_bases();
+    const std::vector<Vec3<float>> colors = shown_bases(bases, activation_);
     for (std::size_t first = 0; first < num_views; first += std::size_t(ranks_.size())) {
-        std::vector<StepRequest> some = batch_on(first);
+        std::vector<StepRequest> some = next_steps(first, num_views, step_on);
         render_views(shown(some, nullptr), sums, [&](std::size_t k) {
             bring_target(some[k]);
-            shard_.residuals_of_splats(splats_, some[k], sums.parts);
+            engine_.add_residual_sums(some[k], splats_, sums.parts);
         });
         for (std::size_t k = 0; k < some.size(); ++k)
-            add_view_to(totals, projected_[k], sums.of_view[k].values(), bases);
+            add_view_to(totals, projected_[k], sums.of_view[k].values(), colors);
     }
-    return shard_.residual_scores_of_rows(totals);
+    const ResidualScores own = residual_scores_of(totals, activation_, bases);
+    return {gather_rows_of_all(own.worth, 1), gather_rows_of_all(own.mean_base, 3)};
 }
 
-DensifyStats RankWorker::densify(DensifyRequest request, const std::vector<std::int64_t>& shares) {
+DensifyStats Shard::densify(DensifyRequest request, const std::vector<std::int64_t>& shares) {
     const std::int64_t share = shares[std::size_t(ranks_.rank())];
     request.seed = rank_seed(request.seed, ranks_.rank());
+    if (ranks_.size() == 1) {
+        const DensifyStats stats = engine_.densify(request);
+        count_rows();
+        return stats;
+    }
     if (auto* mcmc = std::get_if<McmcParams>(&request.rule)) {
         mcmc->room = (mcmc->cap + ranks_.size() - 1) / ranks_.size();
         mcmc->cap = share;  // all of it at once: how much growth there is has been decided for all ranks
-        mcmc->growth = double(share) / double(std::max<std::int64_t>(1, backend_.count())) + 1;
-    } else {
-        auto& adc = std::get<AdcParams>(request.rule);
-        if (adc.cap > 0) adc.cap = std::max<std::int64_t>(1, share);
-        adc.may_remove_all = true;
+        mcmc->growth = double(share) / double(std::max<std::int64_t>(1, engine_.counts().count)) + 1;
+    } else if (auto* adc = std::get_if<AdcParams>(&request.rule)) {
+        if (adc->cap > 0) adc->cap = std::max<std::int64_t>(1, share);
+        adc->may_remove_all = true;
     }
-    return backend_.densify(request);
+    DensifyStats all;
+    for (const DensifyStats& one : all_gather(ranks_, engine_.densify(request))) {
+        all.relocated += one.relocated, all.added += one.added, all.cloned += one.cloned;
+        all.split += one.split, all.pruned += one.pruned, all.count += one.count;
+    }
+    count_rows();
+    return all;
 }
 
-std::vector<float> RankWorker::gather_rows_of_all(const std::vector<float>& values, int width) {
+PruneStats Shard::prune(const PruneRequest& request) {
+    PruneStats all;
+    for (const PruneStats& one : all_gather(ranks_, engine_.prune(request))) {
+        all.removed += one.removed;
+        for (int g = 0; g < kNumGroups; ++g) all.by_group[g] += one.by_group[g];
+    }
+    count_rows();
+    return all;
+}
+
+void Shard::keep_rows(const std::vector<std::uint8_t>* marks) {
+    const std::vector<std::uint8_t> own = scatter_rows(marks);
+    AllBut kept;
+    for (std::size_t i = 0; i < own.size(); ++i)
+        if (own[i]) kept.rows.push_back(std::uint32_t(i));
+    engine_.prune(kept);
+    count_rows();
+}
+
+std::vector<RankReport> Shard::take_reports() {
+    return all_gather(ranks_,
+                      RankReport{take_costs(), engine_.counts().count, engine_.memory().bytes, resident_bytes()});
+}
+
+LinkSpeed Shard::measure_connection() { return measure_link(ranks_, device_); }
+
+std::vector<float> Shard::gather_rows_of_all(const std::vector<float>& values, int width) {
     std::vector<std::vector<float>> all(rows_.size());
     std::vector<ConstBytes> out(rows_.size());
     std::vector<Bytes> in(rows_.size());
@@ -543,13 +647,13 @@ std::vector<float> RankWorker::gather_rows_of_all(const std::vector<float>& valu
     return joined;
 }
 
-std::vector<std::uint8_t> RankWorker::scatter_rows(const std::vector<std::uint8_t>& values) {
+std::vector<std::uint8_t> Shard::scatter_rows(const std::vector<std::uint8_t>* values) {
     std::vector<std::vector<std::uint8_t>> all(rows_.size());
     std::vector<ConstBytes> out(rows_.size());
     std::vector<Bytes> in(rows_.size());
-    if (ranks_.rank() == 0) {
+    if (values) {
         for (std::size_t r = 0; r < all.size(); ++r) all[r].resize(std::size_t(rows_[r].count));
-        auto from = values.begin();
+        auto from = values->begin();
         for (const DealtRow& place : row_order(rows_)) all[std::size_t(place.rank)][place.row] = *from++;
         for (std::size_t r = 0; r < all.size(); ++r) out[r] = bytes_of(all[r]);
     }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Puts each splat in its place.
-#include "kernels/ranks/splat_order.h"
+#include "kernels/splat/splat_order.h"
 
-#include "kernels/ranks/splat_order_device.h"
+#include "kernels/splat/splat_order_device.h"
 
 namespace gs {
 
-void order_on_host(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
-                   RankArray<WireSplat>& out) {
+void order_on_host(const SplatParts& splats, const RowParts& rows, const std::vector<RowCounts>& of_ranks,
+                   DeviceArray<WireSplat>& out) {
     const std::size_t num_ranks = splats.size();
     std::vector<std::vector<WireSplat>> copied_splats(num_ranks);
     std::vector<std::vector<std::uint32_t>> copied_rows(num_ranks);

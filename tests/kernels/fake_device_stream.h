@@ -8,13 +8,13 @@
 #include <cstring>
 #include <vector>
 
+#include "kernels/core/device_array.h"
 #include "kernels/ranks/communicator.h"
-#include "kernels/ranks/rank_array.h"
 
 namespace gs::test {
 
 /// A device whose memory is the host's. Counts what is copied between that and arrays.
-class FakeDevice final : public RankDevice {
+class FakeDevice final : public DeviceStream {
   public:
     std::atomic<int> copies = 0;
 
@@ -46,7 +46,7 @@ inline float value_sent(int from, int to, std::size_t k) { return float(1000 * f
 
 /// Exchanges parts of two arrays on a device, or of the host where it is null, and checks what comes. Parts begin at
 /// multiples of 16 bytes.
-inline void expect_exchanged(Communicator& ranks, RankDevice* device) {
+inline void expect_exchanged(Communicator& ranks, DeviceStream* device) {
     const std::size_t size = std::size_t(ranks.size());
     std::vector<float> values, expected, copy;
     std::vector<std::size_t> sent_from, received_from;
@@ -56,7 +56,7 @@ inline void expect_exchanged(Communicator& ranks, RankDevice* device) {
         for (std::size_t k = 0; k < num_sent(r, ranks.rank()); ++k) expected.push_back(value_sent(r, ranks.rank(), k));
         for (auto* part : {&values, &expected}) part->resize((part->size() + 3) / 4 * 4, -1.0f);
     }
-    RankArray<float> sent(device), received(device);
+    DeviceArray<float> sent(device), received(device);
     sent.assign(values);
     received.assign(std::vector<float>(expected.size(), -1.0f));
     std::vector<ConstBytes> out(size);

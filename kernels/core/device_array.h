@@ -7,7 +7,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "kernels/ranks/rank_device.h"
+#include "kernels/core/device_stream.h"
 
 namespace gs {
 
@@ -24,22 +24,22 @@ class PlacedBlock final : public DeviceBlock {
     std::byte* place_ = nullptr;
 };
 
-template <class T> class RankArray {
+template <class T> class DeviceArray {
     static_assert(std::is_trivially_copyable_v<T>);
 
   public:
     /// Makes an empty array in the memory of `device`, which must outlive it, or in the host's where that is null.
-    explicit RankArray(RankDevice* device = nullptr)
+    explicit DeviceArray(DeviceStream* device = nullptr)
         : device_(device), block_(device ? std::make_shared<PlacedBlock>(device->make_block()) : nullptr) {}
 
-    RankArray(RankArray&&) = default;
-    RankArray& operator=(RankArray&&) = default;
+    DeviceArray(DeviceArray&&) = default;
+    DeviceArray& operator=(DeviceArray&&) = default;
 
     /// Makes an empty array in the memory of `other`, which loses its values as soon as this one gets any. On the host
     /// each has memory of its own.
-    template <class U> static RankArray in_memory_of(const RankArray<U>& other) {
+    template <class U> static DeviceArray in_memory_of(const DeviceArray<U>& other) {
         static_assert(sizeof(T) <= sizeof(U), "as many values must fit");
-        RankArray array;
+        DeviceArray array;
         array.device_ = other.device_, array.block_ = other.block_;
         return array;
     }
@@ -73,7 +73,7 @@ template <class T> class RankArray {
         device_->wait();
     }
 
-    RankDevice* device() const { return device_; }
+    DeviceStream* device() const { return device_; }
     std::size_t size() const { return size_; }
     T* data() { return data_; }
     const T* data() const { return data_; }
@@ -97,9 +97,9 @@ template <class T> class RankArray {
     std::span<const std::byte> bytes() const { return std::as_bytes(values()); }
 
   private:
-    template <class U> friend class RankArray;
+    template <class U> friend class DeviceArray;
 
-    RankDevice* device_;
+    DeviceStream* device_;
     std::shared_ptr<PlacedBlock> block_;  ///< of the device, where there is one
     std::vector<T> values_;               ///< in the host's memory otherwise
     T* data_ = nullptr;

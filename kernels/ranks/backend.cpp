@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: Apache-2.0
+// What rank 0 calls, and how the other ranks follow.
+#include "kernels/ranks/backend.h"
+
+#include <algorithm>
+#include <exception>
+
+#include "kernels/core/clock.h"
+#include "kernels/core/error.h"
+#include "kernels/densify/densify.h"
+#include "kernels/densify/mcmc_device.h"
+#include "kernels/densify/residual_handles.h"
+#include "kernels/ranks/call_table.h"
+
+namespace gs {
+namespace {
+
+/// Everything that ranks do together.
+using Calls = CallTable<Shard, &Shard::upload, &Shard::upload_ppisp, &Shard::download, &Shard::set_active_degree,
+                        &Shard::render, &Shard::step, &Shard::finish_steps, &Shard::take_nonfinite, &Shard::distill,
+                        &Shard::squared_error, &Shard::scores, &Shard::residual_scores, &Shard::densify,
+                        &Shard::prune_nonfinite, &Shard::prune_invisible, &Shard::keep_rows, &Shard::morton_sort,
+                        &Shard::take_reports, &Shard::measure_connection>;
+constexpr std::uint32_t kStep = Calls::number<&Shard::step>(), kEnd = 0xffffffff;
+
+/// By how much a rank may have more Gaussians than the mean before all are dealt anew. Fair samples of one model stay
+/// far below it; few Gaussians on many ranks do not.
+constexpr double kMostUneven = 1.25;
+
+}  // namespace
+
+Backend::Backend(std::unique_ptr<Engine> engine, Communicator* ranks, int views_per_step)
+    : ranks_(ranks ? *ranks : single_),
+      engine_(std::move(engine)),
+      views_per_step_(views_per_step),
+      alone_(ranks_.size() == 1 && views_per_step == 1),
+      shard_(ranks_, *engine_, {}) {}
+
+template <auto kFunction, class... Arguments> auto Backend::on_all(const Arguments&... arguments) {
+    const struct Guard {
+        bool& lost;
+        int exceptions = std::uncaught_exceptions();
+        ~Guard() { lost = lost || std::uncaught_exceptions() > exceptions; }
+    } guard{lost_};
+    constexpr std::uint32_t kNumber = Calls::number<kFunction>();
+    if (ranks_.size() > 1) {
+        if (lost_) throw DeviceError("a rank of the training was lost");
+        MessageWriter message;
+        message.put(kNumber);
+        (put_argument(message, arguments), ...);
+        send_to_others(ranks_, message);
+    }
+    if (kNumber != kStep) shard_.finish_steps();
+    return (shard_.*kFunction)(arguments...);
+}
+
+void follow(Communicator& ranks, Engine& engine, const TargetSource& targets) {
+    Shard shard(ranks, engine, targets);
+    while (true) {
+        const Shard::Mark begin = shard.mark();
+        MessageReader message = receive_from_rank_0(ranks);
+        const auto call = message.get<std::uint32_t>();
+        if (call != kStep) shard.finish_steps();
+        if (call == kEnd) return;
+        Calls::call(call, shard, message);
+        if (call == kStep) shard.count_step(begin);
+    }
+}
+
+Backend::~Backend() {
+    try {
+        if (lost_) {
+            ranks_.abort();  // nobody knows what the others wait for
+        } else {
+            if (ranks_.size() > 1) send_to_others(ranks_, MessageWriter().put(kEnd));
+            shard_.finish_steps();
+        }
+    } catch (const Error&) {  // a rank that is lost ends by itself
+    }
+}
+
+void Backend::finish_steps() {
+    if (shard_.has_unfinished_steps()) on_all<&Shard::finish_steps>();
+}
+
+std::string Backend::describe() const {
+    const std::string& device = engine_->traits().device;
+    return ranks_.size() == 1 ? device : std::to_string(ranks_.size()) + " ranks, each " + device;
+}
+
+// --- the model ------------------------------------------------------------------------------------------------------
+
+void Backend::upload(const Gaussians& state) { on_all<&Shard::upload>(&state); }
+
+Gaussians Backend::download(bool with_moments) {
+    Gaussians whole;
+    on_all<&Shard::download>(with_moments, &whole);
+    return whole;
+}
+
+std::int64_t Backend::count() const { return ranks_.size() == 1 ? engine_->counts().count : shard_.num_gaussians(); }
+
+std::int64_t Backend::num_residuals() const {
+    if (ranks_.size() == 1) return engine_->counts().num_residuals;
+    std::int64_t sum = 0;
+    for (const RowCounts& rank : shard_.rows()) sum += rank.num_residuals;
+    return sum;
+}
+
+void Backend::set_active_degree(int degree) { on_all<&Shard::set_active_degree>(degree); }
+
+void Backend::upload_ppisp(const PpispState& state) { on_all<&Shard::upload_ppisp>(state); }
+
+PpispState Backend::download_ppisp() {
+    finish_steps();
+    return engine_->download_ppisp(false);
+}
+
+// --- views ----------------------------------------------------------------------------------------------------------
+
+void Backend::render(const RenderRequest& request, RenderedImage& out) {
+    if (ranks_.size() == 1) {
+        finish_steps();
+        return engine_->render(request, nullptr, out);
+    }
+    std::vector<RenderedImage> images(1);
+    std::swap(images[0], out);  // whose memory is used again
+    render_all({request}, images);
+    out = std::move(images[0]);
+}
+
+void Backend::render_all(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) {
+    if (ranks_.size() == 1) {
+        out.resize(views.size());
+        for (std::size_t k = 0; k < views.size(); ++k) render(views[k], out[k]);
+        return;
+    }
+    if (controllers_differ_ && views.size() > 1) {  // other ranks render some of them
+        upload_ppisp(download_ppisp());
+        controllers_differ_ = false;
+    }
+    on_all<&Shard::render>(views, &out);
+}
+
+double Backend::squared_error(const StepRequest& view) { return on_all<&Shard::squared_error>(view); }
+
+std::vector<float> Backend::scores(const std::vector<RenderRequest>& views) { return on_all<&Shard::scores>(views); }
+
+ResidualScores Backend::residual_scores(std::size_t num_views, const StepSource& step_on) {
+    return on_all<&Shard::residual_scores>(std::uint64_t(num_views), &step_on);
+}
+
+double Backend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
+    finish_steps();
+    if (ranks_.size() == 1) return engine_->time_frames(views, repeats);
+    RenderedImage image;
+    double start = 0;
+    for (int round = 0; round <= repeats; ++round) {
+        if (round == 1) start = seconds_now();
+        for (const RenderRequest& view : views) render(view, image);
+    }
+    return (seconds_now() - start) / (double(repeats) * double(views.size()));
+}
+
+Ceilings Backend::measure_ceilings() {
+    synchronize();
+    return engine_->traits().ceilings();
+}
+
+// --- steps ----------------------------------------------------------------------------------------------------------
+
+void Backend::step(const StepRequest& request) {
+    if (alone_) return engine_->step(request);
+    step_on({request});
+}
+
+void Backend::step_on(const std::vector<StepRequest>& views) {
+    if (alone_) return engine_->step(views.front());
+    all_steps_done_ = false;
+    const Shard::Mark begin = shard_.mark();
+    on_all<&Shard::step>(views);
+    shard_.count_step(begin);
+}
+
+void Backend::distill(const StepRequest& request) {
+    if (ranks_.size() == 1) {
+        finish_steps();
+        engine_->distill(request, nullptr);
+    } else {
+        on_all<&Shard::distill>(request);
+        controllers_differ_ = true;
+    }
+    if (alone_) return;
+    StepStats& stats = shard_.stats();
+    const std::int64_t nonfinite_before = stats.num_nonfinite_gradients;
+    stats = engine_->take_stats();
+    stats.num_nonfinite_gradients += nonfinite_before;
+}
+
+StepStats Backend::take_stats() {
+    if (alone_) return engine_->take_stats();
+    StepStats& stats = shard_.stats();
+    StepStats out = stats;
+    if (all_steps_done_)
+        out.num_nonfinite_gradients += on_all<&Shard::take_nonfinite>();  // which waits for all devices
+    stats.steps = 0;
+    stats.num_nonfinite_gradients = 0;
+    return out;
+}
+
+void Backend::synchronize() {
+    finish_steps();
+    engine_->synchronize();
+    all_steps_done_ = true;
+}
+
+// --- rows -----------------------------------------------------------------------------------------------------------
+
+DensifyStats Backend::densify(const DensifyRequest& request) {
+    const std::int64_t before = count();
+    std::vector<std::int64_t> shares(std::size_t(ranks_.size()), 0);
+    const auto* adc = std::get_if<AdcParams>(&request.rule);
+    if (const auto* mcmc = std::get_if<McmcParams>(&request.rule))
+        shares = even_shares(shard_.rows(), mcmc_target(before, *mcmc));
+    else if (adc && adc->cap > 0)
+        shares = even_shares(shard_.rows(), adc->cap);
+    const DensifyStats stats = on_all<&Shard::densify>(request, shares);
+    deal_anew_if_uneven();
+    if (adc && stats.count == 0) throw_nothing_left(*adc, request.iteration, before + stats.cloned + 2 * stats.split);
+    return stats;
+}
+
+void Backend::keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
+    if (ranks_.size() == 1) {
+        finish_steps();
+        engine_->keep_residuals(marks, bases);
+        return shard_.count_rows();
+    }
+    // Rows with a residual come first, each kind in its order: no rank can see that for all.
+    Gaussians all = download(true);
+    ResidualHandles residuals(all, true);
+    residuals.keep(marks, bases);
+    residuals.resolve();
+    upload(all);
+}
+
+PruneStats Backend::prune_nonfinite() {
+    const PruneStats stats = on_all<&Shard::prune_nonfinite>();
+    deal_anew_if_uneven();
+    return stats;
+}
+
+std::int64_t Backend::prune_invisible() {
+    const std::int64_t removed = on_all<&Shard::prune_invisible>().removed;
+    deal_anew_if_uneven();
+    return removed;
+}
+
+std::int64_t Backend::prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) {
+    const std::vector<float> values = scores(views);
+    std::vector<std::uint8_t> marks(values.size(), 0);
+    for (std::uint32_t row : rows_of_highest_scores(values, ratio)) marks[row] = 1;
+    const std::int64_t before = count();
+    on_all<&Shard::keep_rows>(&marks);
+    deal_anew_if_uneven();
+    return before - count();
+}
+
+void Backend::deal_anew_if_uneven() {
+    std::int64_t most = 0;
+    for (const RowCounts& rank : shard_.rows()) most = std::max(most, rank.count);
+    if (ranks_.size() > 1 && double(most) > kMostUneven * double(count()) / ranks_.size() + 1) upload(download(true));
+}
+
+void Backend::morton_sort() { on_all<&Shard::morton_sort>(); }
+
+std::vector<RankReport> Backend::take_reports() { return on_all<&Shard::take_reports>(); }
+
+LinkSpeed Backend::measure_connection() { return on_all<&Shard::measure_connection>(); }
+
+}  // namespace gs
