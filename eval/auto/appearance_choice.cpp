@@ -18,7 +18,7 @@ constexpr double kNotableHarm = 0.03;
 constexpr double kNotablePhotometric = 0.3;
 
 /// Returns the model to train where trials would be too short: sv does best on most scenes, but sh where all cameras
-/// look nearly the same way (docs/results.md#auto-under-a-limit).
+/// look nearly the same way (docs/lab/limits.md#auto-under-a-limit).
 const char* untold_model(bool one_sided) { return one_sided ? "sh" : "sv"; }
 
 bool worked(const AppearanceTrial& trial) { return std::isfinite(trial.psnr); }

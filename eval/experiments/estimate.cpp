@@ -9,7 +9,7 @@
 
 namespace gs {
 
-// The curves, and how far they are off: docs/results.md#what-the-plan-estimates.
+// The curves, and how far they are off: docs/lab/limits.md#what-the-plan-estimates.
 
 double loss_of_length(double rounds) { return 0.8 * std::pow(70 / rounds, 1.3); }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a shorter training and fewer Gaussians cost, by what they cost on the scenes of
-// docs/results.md#what-the-plan-estimates.
+// docs/lab/limits.md#what-the-plan-estimates.
 #pragma once
 
 #include <cstdint>

@@ -8,7 +8,7 @@ namespace gs {
 
 /// Launches what is enqueued together as one CUDA graph. In a stream a kernel begins about a microsecond after the one
 /// before it has ended, which in a step of twenty kernels adds up; in a graph it begins sooner
-/// (docs/results.md#steps-as-graphs).
+/// (docs/lab/kernels.md#steps-as-graphs).
 ///
 /// The graph is made anew for each launch, since most arguments differ, and takes the place of the last one where both
 /// have the same shape. The device must be at work meanwhile: work that is waited for at once is sooner done without.

@@ -2,7 +2,7 @@
 // A stable radix sort of keys and values in as many kernels as it has digits (Adinets and Merrill 2022, "Onesweep").
 // Unlike CUB's, it takes the number of pairs from the device, leaves culled pairs out, and has the digits counted and
 // all sums zeroed by its caller, who does so once for both sorts: a short list waits longer for such kernels than for
-// the passes (docs/results.md#the-sort-in-passes-of-its-own).
+// the passes (docs/lab/sorting.md#the-sort-in-passes-of-its-own).
 #pragma once
 
 #include <cassert>

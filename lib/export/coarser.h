@@ -19,7 +19,7 @@ struct CoarserModel {
 /// per row) stay, in their order. Of the others those that hardly show are left out, and each of the rest is merged
 /// into the most similar of its neighbours that stay: the merged one has the moments and the base colour of both,
 /// weighted by score, as much opacity times area as both, and its own residual. Rows of equal scores stay in their
-/// order. The optimizer state is dropped. docs/results.md#levels-of-detail has what else was tried.
+/// order. The optimizer state is dropped. docs/lab/viewer.md#levels-of-detail has what else was tried.
 CoarserModel coarser_model(const Gaussians& model, const std::vector<float>& scores, std::int64_t count);
 
 }  // namespace gs

@@ -68,7 +68,7 @@ PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
     return geometry;
 }
 
-/// Returns what orders a Gaussian; docs/results.md#pictures-of-a-part has what else was tried.
+/// Returns what orders a Gaussian; docs/lab/viewer.md#pictures-of-a-part has what else was tried.
 double importance(const Gaussians& g, const std::vector<float>& scores, std::int64_t i) {
     const double opacity = sigmoid(double(g[Group::kOpacity].param[std::size_t(i)]));
     if (!scores.empty()) return std::sqrt(double(scores[std::size_t(i)]) * opacity);

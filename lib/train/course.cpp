@@ -14,7 +14,7 @@ namespace gs {
 namespace {
 
 /// The rounds through all views after which more steps help less than more Gaussians, and the most steps that this may
-/// ask for, two thirds of the reference's (docs/results.md#the-frontier).
+/// ask for, two thirds of the reference's (docs/lab/settings.md#the-frontier).
 constexpr double kWantedRounds = 70, kMostWantedSteps = 20000;
 /// The reduction of images in the first part of a training.
 constexpr int kCoarse = 2;
