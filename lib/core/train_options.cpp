@@ -131,7 +131,7 @@ std::vector<Option> run_options() {
                "small as that allows; --iterations is the most until it is reached; 0: off"),
         choice("recipe", &O::recipe,
                "paper: rates and images as the paper has them; frontier: defaults that give more quality in the same "
-               "time (docs/guide.md); auto: frontier with a limit or a preset, else paper"),
+               "time (docs/training.md); auto: frontier with a limit or a preset, else paper"),
         choice(
             "schedule", &O::schedule,
             "progress: rates, degrees and densification follow the share of the run that is done, so that a run of "

@@ -29,7 +29,7 @@ import sys
 import tempfile
 import urllib.request
 
-PAGES = ["docs/guide.md", "docs/faq.md", "docs/ranks.md"]
+PAGES = [f"docs/{name}.md" for name in ("install", "guide", "training", "troubleshooting", "faq", "ranks")]
 
 # What no test of this page runs: the beginning of the command, and why.
 NOT_RUN = {
