@@ -6,14 +6,14 @@
 
 namespace gs {
 
-/// Returns the version, e.g. "0.2.0".
+/// Returns the version, e.g. "0.3.0".
 const char* version();
 
 /// Returns the short hash of the commit it was built from, with "-dirty" appended for changed files; empty when not
 /// known.
 const char* git_hash();
 
-/// Returns e.g. "gsapp 0.2.0 (4f2a91c)", without the parentheses if the hash is not known.
+/// Returns e.g. "gsapp 0.3.0 (4f2a91c)", without the parentheses if the hash is not known.
 std::string version_text();
 
 }  // namespace gs
