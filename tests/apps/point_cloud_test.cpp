@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <sstream>
@@ -14,6 +13,7 @@
 #include "lib/io/image.h"
 #include "lib/model/ply.h"
 #include "tests/apps/program.h"
+#include "tests/core/test_data.h"
 
 namespace gs {
 namespace {
@@ -275,9 +275,8 @@ TEST(PointCloud, OfOtherKindsSaysWhatItIsForEveryCommand) {
 }
 
 TEST(PointCloud, OfAPhotographedSceneScoresAsItsRunDoes) {
-    const char* data = std::getenv("GSAPP_TEST_DATA");
-    const fs::path scene = fs::path(data ? data : "") / "tiny/bonsai";
-    if (!data || !fs::is_directory(scene)) GTEST_SKIP() << "no tiny/bonsai in GSAPP_TEST_DATA";
+    const fs::path scene = test::test_data("tiny/bonsai");
+    if (scene.empty()) GTEST_SKIP() << "no tiny/bonsai in GSAPP_TEST_DATA";
     const Program program;
     train_model(program, "-s '" + scene.string() + "' --appearance sh");
     strip_comments(program, "model.ply", "foreign.ply");

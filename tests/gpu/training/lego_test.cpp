@@ -3,13 +3,12 @@
 // device or no dataset (GSAPP_TEST_DATA).
 #include <spdlog/spdlog.h>
 
-#include <cstdlib>
-
 #include "eval/runs/evaluate.h"
 #include "kernels/ranks/backend.h"
 #include "lib/core/options.h"
 #include "lib/train/trainer.h"
 #include "tests/core/temporary_folder.h"
+#include "tests/core/test_data.h"
 #include "tests/gpu/gpu_test.h"
 
 namespace gs::test {
@@ -22,10 +21,8 @@ class GpuTraining : public ::testing::TestWithParam<Strategy> {
     fs::path data_;
     void SetUp() override {
         skip_without_device();
-        const char* root = std::getenv("GSAPP_TEST_DATA");
-        data_ = (root ? fs::path(root) : fs::path(GSAPP_SOURCE_DIR) / "../shared/data") / "tiny/lego";
-        if (!IsSkipped() && !fs::is_directory(data_))
-            GTEST_SKIP() << "dataset tiny/lego is not here (set GSAPP_TEST_DATA to the folder that holds tiny)";
+        data_ = test_data("tiny/lego");
+        if (!IsSkipped() && data_.empty()) GTEST_SKIP() << "no tiny/lego in GSAPP_TEST_DATA";
         spdlog::set_level(spdlog::level::err);
     }
 

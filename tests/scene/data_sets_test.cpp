@@ -2,25 +2,18 @@
 // The real datasets used for development: counts, sizes, and points that project to where the images show them.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
+#include <cmath>
 #include <filesystem>
 
 #include "lib/scene/scene.h"
+#include "tests/core/test_data.h"
 
 namespace gs {
 namespace {
 
-/// Returns the dataset folder, or an empty path if it is not there.
-std::string data(const std::string& name) {
-    const char* root = std::getenv("GSAPP_TEST_DATA");
-    const std::filesystem::path path =
-        (root ? std::filesystem::path(root) : std::filesystem::path(GSAPP_SOURCE_DIR) / "../shared/data") / name;
-    return std::filesystem::is_directory(path) ? path.string() : "";
-}
-
-#define GS_REQUIRE_DATA(variable, name)      \
-    const std::string variable = data(name); \
-    if (variable.empty()) GTEST_SKIP() << "dataset " << name << " is not here (set GSAPP_TEST_DATA to its parent)"
+#define GS_REQUIRE_DATA(variable, name)                 \
+    const std::string variable = test::test_data(name); \
+    if (variable.empty()) GTEST_SKIP() << "no " << name << " in GSAPP_TEST_DATA"
 
 Scene load(const std::string& source, bool eval) {
     SceneOptions options;
@@ -62,7 +55,7 @@ double color_error(const Scene& scene, double shift) {
     return sum / double(count);
 }
 
-TEST(SharedData, TinyLego) {
+TEST(DataSets, TinyLego) {
     GS_REQUIRE_DATA(path, "tiny/lego");
     const Scene scene = load(path, true);
     EXPECT_EQ(scene.kind, "nerf-synthetic");
@@ -85,7 +78,7 @@ TEST(SharedData, TinyLego) {
     EXPECT_EQ(load(path, false).train.size(), 50u);
 }
 
-TEST(SharedData, TinyBonsai) {
+TEST(DataSets, TinyBonsai) {
     GS_REQUIRE_DATA(path, "tiny/bonsai");
     const Scene scene = load(path, true);
     EXPECT_EQ(scene.kind, "colmap");
@@ -101,7 +94,7 @@ TEST(SharedData, TinyBonsai) {
     EXPECT_LT(color_error(scene, 0), 0.8 * color_error(scene, 10)) << "points and pixels do not fit";
 }
 
-TEST(SharedData, Fox) {
+TEST(DataSets, Fox) {
     GS_REQUIRE_DATA(path, "fox");
     const Scene scene = load(path, true);
     EXPECT_EQ(scene.train.size(), 43u);
@@ -113,7 +106,7 @@ TEST(SharedData, Fox) {
     EXPECT_LT(color_error(scene, 0), 0.8 * color_error(scene, 30));
 }
 
-TEST(SharedData, FoxDistortedBecomesTheSamePinholeAsColmapMadeOfIt) {
+TEST(DataSets, FoxDistortedBecomesTheSamePinholeAsColmapMadeOfIt) {
     GS_REQUIRE_DATA(path, "fox_distorted");
     const Scene scene = load(path, false);
     EXPECT_EQ(scene.kind, "transforms");
