@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Short trainings of scenes in other units and places: scripts/scale_table.py with what a test has time for."""
+"""Short trainings of scenes in other units and places: scripts/lab/scale_table.py with what a test has time for."""
 import os
 import pathlib
 import subprocess
@@ -15,7 +15,7 @@ failed = 0
 with tempfile.TemporaryDirectory() as folder:
     for scene, strategy in (("lego", "mcmc"), ("bonsai", "adc")):
         failed |= subprocess.run(
-            [sys.executable, source / "scripts" / "scale_table.py", program, data / scene, "-o", folder,
+            [sys.executable, source / "scripts" / "lab" / "scale_table.py", program, data / scene, "-o", folder,
              "--strategies", strategy, "--scales", "1e-6", "1e3", "--iterations", "60", "--",
              "--device", "cpu", "--init-points", "3000", "--cap-max", "6000"]).returncode
 sys.exit(failed)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loads a generated model in a headless Chromium and prints what memory its processes take.
 
-    scripts/viewer-memory [--gaussians N] [--viewer FOLDER] [--chromium PROGRAM] [--limit MIB]
+    scripts/lab/viewer_memory.py [--gaussians N] [--viewer FOLDER] [--chromium PROGRAM] [--limit MIB]
 
 The model has spherical harmonics of degree 3: 56 bytes a Gaussian. Memory is the proportional set size of
 /proc/PID/smaps_rollup, summed over Chromium's pages and its graphics process. Drawing is in software, so that textures
@@ -22,7 +22,7 @@ import threading
 import time
 
 sys.dont_write_bytecode = True
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "web"))
 
 from browser import Browser, find_chromium  # noqa: E402
@@ -137,7 +137,7 @@ def main():
                 deadline = time.monotonic() + LOADING
                 while not is_loaded(browser):
                     if time.monotonic() > deadline:
-                        sys.exit(f"viewer-memory: the model was not loaded within {LOADING} s")
+                        sys.exit(f"viewer_memory: the model was not loaded within {LOADING} s")
                     time.sleep(0.5)
                 time.sleep(5)
             loaded = memory(root)
@@ -151,7 +151,7 @@ def main():
     more, most = (sum(taken.values()) - sum(before.values()) for taken in (after, peak.most))
     print(f"the model: {more:.0f}, at most {most:.0f} while it loads")
     if arguments.limit is not None and max(more, most) > arguments.limit:
-        sys.exit(f"viewer-memory: {max(more, most):.0f} MiB are more than --limit {arguments.limit:.0f}")
+        sys.exit(f"viewer_memory: {max(more, most):.0f} MiB are more than --limit {arguments.limit:.0f}")
 
 
 main()

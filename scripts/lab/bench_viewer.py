@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the viewer's benchmark over exports in a headless Chromium, and prints a table.
 
-    scripts/bench-viewer SITE... [--frames N] [--device gpu|software] [--chromium PROGRAM] [--json FILE]
+    scripts/lab/bench_viewer.py SITE... [--frames N] [--device gpu|software] [--chromium PROGRAM] [--json FILE]
 
 A SITE is a folder that `gsapp export` wrote, viewer included. `gsapp bench frames RUN ...` measures the same views with
 gsapp's own rasterizer. `--device gpu` asks for WebGL2 on the machine's GPU, without a screen; the table names the
@@ -14,7 +14,7 @@ import pathlib
 import sys
 
 sys.dont_write_bytecode = True
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "tests" / "web"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests" / "web"))
 
 from browser import Browser, find_chromium  # noqa: E402
 from site_server import SOFTWARE_WEBGL, Site, wait_for  # noqa: E402

@@ -5,7 +5,7 @@
 The numbers of a run must not depend on the unit and the origin of a scene: docs/stability.md has the table that this
 script printed. A copy has the photographs of the original (links) and cameras and points x' = scale * x + offset.
 
-    scripts/scale_table.py build/release/bin/gsapp SCENE... -o FOLDER [--iterations N] [-- OPTIONS OF gsapp train]
+    scripts/lab/scale_table.py build/release/bin/gsapp SCENE... -o FOLDER [--iterations N] [-- OPTIONS OF gsapp train]
 """
 import argparse
 import json

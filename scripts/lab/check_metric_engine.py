@@ -8,12 +8,14 @@ written independently of gsapp's code. Prints the largest relative differences a
 gsapp computes; with both names the table has two columns. Exit status: 0 all within the tolerance, 1 otherwise, 77
 PyTorch is not installed.
 
-usage: scripts/check_metric_engine.py GSAPP [--device cpu cuda] [--torch-device cpu|cuda] [--seed N] [--tolerance 1e-4] [--keep FOLDER] [--verbose]
+usage: scripts/lab/check_metric_engine.py GSAPP [--device cpu cuda] [--torch-device cpu|cuda] [--seed N]
+                                          [--tolerance 1e-4] [--keep FOLDER] [--verbose]
 """
 import argparse
 import json
 import math
 import os
+import pathlib
 import struct
 import subprocess
 import sys
@@ -28,7 +30,9 @@ except ImportError:
     sys.exit(77)
 
 sys.dont_write_bytecode = True  # the import below leaves nothing in the checkout
-from export_metric_weights import ALEXNET_LAYERS, VGG16_LAYERS, write_safetensors
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+
+from export_metric_weights import ALEXNET_LAYERS, VGG16_LAYERS, write_safetensors  # noqa: E402
 
 VGG16_CHANNELS = (64, 64, 128, 128, 256, 256, 256, 512, 512, 512, 512, 512, 512)
 VGG16_STAGES = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
