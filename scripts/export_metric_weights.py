@@ -45,30 +45,40 @@ def layers(state, prefix, indices):
 
 def export_vgg16(folder):
     import torchvision
+
     model = torchvision.models.vgg16(weights=torchvision.models.VGG16_Weights.IMAGENET1K_V1)
     write_safetensors(os.path.join(folder, "vgg16.safetensors"), layers(model.state_dict(), "features.", VGG16_LAYERS))
 
 
 def export_alexnet(folder):
     import torchvision
+
     model = torchvision.models.alexnet(weights=torchvision.models.AlexNet_Weights.IMAGENET1K_V1)
-    write_safetensors(os.path.join(folder, "alexnet.safetensors"), layers(model.state_dict(), "features.", ALEXNET_LAYERS))
+    write_safetensors(
+        os.path.join(folder, "alexnet.safetensors"), layers(model.state_dict(), "features.", ALEXNET_LAYERS)
+    )
 
 
 def export_lpips(folder, net):
     import torch
+
     # Read only the file of the heads: the package's class would also load the features again.
     package = importlib.util.find_spec("lpips")
     if package is None:
         raise ImportError("lpips is not installed")
-    state = torch.load(os.path.join(os.path.dirname(package.origin), "weights", "v0.1", net + ".pth"), map_location="cpu")
-    write_safetensors(os.path.join(folder, f"lpips_{net}.safetensors"),
-                      {f"lin{i}.weight": state[f"lin{i}.model.1.weight"] for i in range(5)})
+    state = torch.load(
+        os.path.join(os.path.dirname(package.origin), "weights", "v0.1", net + ".pth"), map_location="cpu"
+    )
+    write_safetensors(
+        os.path.join(folder, f"lpips_{net}.safetensors"),
+        {f"lin{i}.weight": state[f"lin{i}.model.1.weight"] for i in range(5)},
+    )
 
 
 def export_dists(folder):
     import torch
     from DISTS_pytorch import DISTS_pt
+
     # The package installs its weights at Python's prefix; a checkout has them beside the module.
     places = [os.path.join(place, "weights.pt") for place in (os.path.dirname(DISTS_pt.__file__), sys.prefix)]
     found = [place for place in places if os.path.exists(place)]
@@ -85,8 +95,11 @@ def export_dists(folder):
 
 def export_milo(folder, checkpoint):
     import torch
+
     state = torch.load(checkpoint, map_location="cpu")
-    write_safetensors(os.path.join(folder, "milo.safetensors"), layers(state, "mask_finder_1.netBasic.", (0, 2, 4, 6, 8)))
+    write_safetensors(
+        os.path.join(folder, "milo.safetensors"), layers(state, "mask_finder_1.netBasic.", (0, 2, 4, 6, 8))
+    )
 
 
 def main():
@@ -95,8 +108,13 @@ def main():
     parser.add_argument("--milo", metavar="MILO.pth", help="the authors' checkpoint")
     arguments = parser.parse_args()
     os.makedirs(arguments.folder, exist_ok=True)
-    parts = [("vgg16", export_vgg16, ()), ("alexnet", export_alexnet, ()), ("lpips_vgg", export_lpips, ("vgg",)),
-             ("lpips_alex", export_lpips, ("alex",)), ("dists", export_dists, ())]
+    parts = [
+        ("vgg16", export_vgg16, ()),
+        ("alexnet", export_alexnet, ()),
+        ("lpips_vgg", export_lpips, ("vgg",)),
+        ("lpips_alex", export_lpips, ("alex",)),
+        ("dists", export_dists, ()),
+    ]
     if arguments.milo:
         parts.append(("milo", export_milo, (arguments.milo,)))
     else:

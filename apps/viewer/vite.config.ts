@@ -11,7 +11,10 @@ const licenses: Plugin = {
   generateBundle() {
     const notice = (name: string, folder: string, address: string) =>
       `This page contains ${name} (${address}):\n\n${readFileSync(new URL(`node_modules/${folder}/LICENSE`, import.meta.url), 'utf8')}`;
-    const notices = [notice('three.js', 'three', 'https://threejs.org'), notice('fzstd', 'fzstd', 'https://github.com/101arrowz/fzstd')];
+    const notices = [
+      notice('three.js', 'three', 'https://threejs.org'),
+      notice('fzstd', 'fzstd', 'https://github.com/101arrowz/fzstd'),
+    ];
     this.emitFile({ type: 'asset', fileName: 'LICENSES.txt', source: notices.join('\n') });
   },
 };

@@ -19,8 +19,16 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests" / "
 from browser import Browser, find_chromium  # noqa: E402
 from site_server import SOFTWARE_WEBGL, Site, wait_for  # noqa: E402
 
-FLAGS = {"software": SOFTWARE_WEBGL,
-         "gpu": ("--ozone-platform=headless", "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist", "--disable-gpu-sandbox")}
+FLAGS = {
+    "software": SOFTWARE_WEBGL,
+    "gpu": (
+        "--ozone-platform=headless",
+        "--use-gl=angle",
+        "--use-angle=gl-egl",
+        "--ignore-gpu-blocklist",
+        "--disable-gpu-sandbox",
+    ),
+}
 COLUMNS = ("export", "model", "Gaussians", "frame ms", "prepass ms", "least of a view", "most of a view")
 
 
@@ -28,11 +36,15 @@ def measure(browser, folder, frames):
     site = Site(folder)
     browser.open(site.url)
     wait_for(browser, "window.gsapp", f"{folder} is loaded", 300)
-    notice = browser.evaluate("document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText")
+    notice = browser.evaluate(
+        "document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText"
+    )
     if notice:
         raise SystemExit(f"{folder}: {notice}")
     # The measurement takes longer than an answer may: it is started, and asked for.
-    browser.evaluate(f"void gsapp.benchmark({frames}).then(r => (window.result = r), e => (window.result = {{ error: e.message }}))")
+    browser.evaluate(
+        f"void gsapp.benchmark({frames}).then(r => (window.result = r), e => (window.result = {{ error: e.message }}))"
+    )
     wait_for(browser, "window.result", f"{folder} is measured", 3600)
     result = browser.evaluate("window.result")
     if "error" in result:
@@ -42,7 +54,12 @@ def measure(browser, folder, frames):
 
 def row(folder, result):
     frame = result["frame"]
-    values = (folder.name, result["appearance"], f"{result['gaussians']:,}", *(f"{x:.3f}" for x in (frame["mean"], result["prepass"]["mean"], frame["min"], frame["max"])))
+    values = (
+        folder.name,
+        result["appearance"],
+        f"{result['gaussians']:,}",
+        *(f"{x:.3f}" for x in (frame["mean"], result["prepass"]["mean"], frame["min"], frame["max"])),
+    )
     return "| " + " | ".join(values) + " |"
 
 

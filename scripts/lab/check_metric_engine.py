@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Compares the learned metrics of gsapp with PyTorch on random weights. Needs only torch and numpy; takes less than a minute.
+"""Compares the learned metrics of gsapp with PyTorch on random weights. Needs only torch and numpy; takes less than a
+minute.
 
 Writes seeded weights in the layouts of VGG16, AlexNet, the LPIPS heads, DISTS and MILO, and pairs of PNGs. Runs
 `gsapp metrics --json` on them and computes the same metrics with plain functional operations in double precision,
@@ -38,7 +39,8 @@ VGG16_CHANNELS = (64, 64, 128, 128, 256, 256, 256, 512, 512, 512, 512, 512, 512)
 VGG16_STAGES = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
 
 
-# Weights ---------------------------------------------------------------------------------------------------------------------
+# Weights --------------------------------------------------------------------------------------------------------------
+
 
 def random_convolution(generator, out, inputs, kernel):
     """Returns weight and bias of a size that keeps activations near one through many layers."""
@@ -49,7 +51,9 @@ def random_convolution(generator, out, inputs, kernel):
 def random_net(generator, prefix, specification):
     state = {}
     for index, out, inputs, kernel in specification:
-        state[f"{prefix}{index}.weight"], state[f"{prefix}{index}.bias"] = random_convolution(generator, out, inputs, kernel)
+        state[f"{prefix}{index}.weight"], state[f"{prefix}{index}.bias"] = random_convolution(
+            generator, out, inputs, kernel
+        )
     return state
 
 
@@ -57,18 +61,30 @@ def random_weights(seed):
     generator = torch.Generator().manual_seed(seed)
     inputs = (3,) + VGG16_CHANNELS[:-1]
     files = {
-        "vgg16": random_net(generator, "features.", [(i, o, n, 3) for i, o, n in zip(VGG16_LAYERS, VGG16_CHANNELS, inputs)]),
-        "alexnet": random_net(generator, "features.",
-                              zip(ALEXNET_LAYERS, (64, 192, 384, 256, 256), (3, 64, 192, 384, 256), (11, 5, 3, 3, 3))),
-        "milo": random_net(generator, "mask_finder_1.netBasic.", zip((0, 2, 4, 6, 8), (32, 64, 32, 16, 1), (7, 32, 64, 32, 16), (3,) * 5)),
+        "vgg16": random_net(
+            generator, "features.", [(i, o, n, 3) for i, o, n in zip(VGG16_LAYERS, VGG16_CHANNELS, inputs)]
+        ),
+        "alexnet": random_net(
+            generator,
+            "features.",
+            zip(ALEXNET_LAYERS, (64, 192, 384, 256, 256), (3, 64, 192, 384, 256), (11, 5, 3, 3, 3)),
+        ),
+        "milo": random_net(
+            generator,
+            "mask_finder_1.netBasic.",
+            zip((0, 2, 4, 6, 8), (32, 64, 32, 16, 1), (7, 32, 64, 32, 16), (3,) * 5),
+        ),
         "dists": {name: torch.rand(1, 1475, 1, 1, generator=generator) for name in ("alpha", "beta")},
     }
     for net, channels in (("vgg", (64, 128, 256, 512, 512)), ("alex", (64, 192, 384, 256, 256))):
-        files["lpips_" + net] = {f"lin{i}.weight": torch.rand(1, c, 1, 1, generator=generator) for i, c in enumerate(channels)}
+        files["lpips_" + net] = {
+            f"lin{i}.weight": torch.rand(1, c, 1, 1, generator=generator) for i, c in enumerate(channels)
+        }
     return files
 
 
-# Images ----------------------------------------------------------------------------------------------------------------------
+# Images ---------------------------------------------------------------------------------------------------------------
+
 
 def write_png(path, image):
     """Writes an (H,W,3) uint8 image."""
@@ -79,8 +95,12 @@ def write_png(path, image):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
     with open(path, "wb") as file:
-        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)) +
-                   chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+        file.write(
+            b"\x89PNG\r\n\x1a\n"
+            + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+            + chunk(b"IDAT", zlib.compress(rows))
+            + chunk(b"IEND", b"")
+        )
 
 
 def gradient(height, width):
@@ -103,7 +123,8 @@ def image_pairs(seed):
     return pairs
 
 
-# The metrics, from their papers ----------------------------------------------------------------------------------------------
+# The metrics, from their papers ---------------------------------------------------------------------------------------
+
 
 def by_channel(values, like):
     return torch.tensor(values, dtype=like.dtype, device=like.device).view(1, 3, 1, 1)
@@ -152,7 +173,7 @@ def dists(a, b, state, weights):
 
     def pool(x):
         kernel = window.expand(x.shape[1], 1, 3, 3)
-        return (F.conv2d(x ** 2, kernel, stride=2, padding=1, groups=x.shape[1]) + 1e-12).sqrt()
+        return (F.conv2d(x**2, kernel, stride=2, padding=1, groups=x.shape[1]) + 1e-12).sqrt()
 
     def maps(x):
         normalized = (x - by_channel((0.485, 0.456, 0.406), x)) / by_channel((0.229, 0.224, 0.225), x)
@@ -163,7 +184,7 @@ def dists(a, b, state, weights):
         fa, fb = fa.flatten(2)[0], fb.flatten(2)[0]
         ma, mb = fa.mean(1), fb.mean(1)
         covariance = (fa * fb).mean(1) - ma * mb
-        similarities[0].append((2 * ma * mb + 1e-6) / (ma ** 2 + mb ** 2 + 1e-6))
+        similarities[0].append((2 * ma * mb + 1e-6) / (ma**2 + mb**2 + 1e-6))
         similarities[1].append((2 * covariance + 1e-6) / (fa.var(1, unbiased=False) + fb.var(1, unbiased=False) + 1e-6))
     alpha, beta = weights["alpha"].flatten(), weights["beta"].flatten()
     agreement = (alpha * torch.cat(similarities[0])).sum() + (beta * torch.cat(similarities[1])).sum()
@@ -193,17 +214,32 @@ def expected_scores(render, truth, files, symmetric):
 
     return {
         "LPIPS-VGG": lpips(render, truth, vgg, files["lpips_vgg"], symmetric),
-        "LPIPS-Alex": lpips(render, truth, lambda x: alexnet_stages(x, files["alexnet"]), files["lpips_alex"], symmetric),
+        "LPIPS-Alex": lpips(
+            render, truth, lambda x: alexnet_stages(x, files["alexnet"]), files["lpips_alex"], symmetric
+        ),
         "DISTS": dists(render, truth, files["vgg16"], files["dists"]),
         "MILO": milo(render, truth, files["milo"]),
     }
 
 
-# The comparison --------------------------------------------------------------------------------------------------------------
+# The comparison -------------------------------------------------------------------------------------------------------
+
 
 def gsapp_scores(gsapp, paths, folder, lpips_range, device):
-    command = [gsapp, "metrics", *paths, "--metrics", "lpips-vgg,lpips-alex,dists,milo", "--metric-weights", folder, "--lpips-range", lpips_range,
-               "--device", device, "--json"]
+    command = [
+        gsapp,
+        "metrics",
+        *paths,
+        "--metrics",
+        "lpips-vgg,lpips-alex,dists,milo",
+        "--metric-weights",
+        folder,
+        "--lpips-range",
+        lpips_range,
+        "--device",
+        device,
+        "--json",
+    ]
     output = subprocess.run(command, capture_output=True, text=True)
     if output.returncode != 0:
         sys.exit(f"{' '.join(command)}\n{output.stderr}")
@@ -227,13 +263,18 @@ def main():
         files = random_weights(arguments.seed)
         for name, state in files.items():
             write_safetensors(os.path.join(folder, name + ".safetensors"), state)
-        files = {name: {key: value.double().to(arguments.torch_device) for key, value in state.items()} for name, state in files.items()}
+        files = {
+            name: {key: value.double().to(arguments.torch_device) for key, value in state.items()}
+            for name, state in files.items()
+        }
         worst, count = {}, 0
         for name, render, truth in image_pairs(arguments.seed):
             paths = [os.path.join(folder, side + ".png") for side in ("render", "truth")]
             write_png(paths[0], render)
             write_png(paths[1], truth)
-            tensors = [image.permute(2, 0, 1)[None].to(arguments.torch_device).double() / 255 for image in (render, truth)]
+            tensors = [
+                image.permute(2, 0, 1)[None].to(arguments.torch_device).double() / 255 for image in (render, truth)
+            ]
             # The range concerns only the first layer of LPIPS, so one kind of images is enough for the other range.
             for lpips_range in ("symmetric", "unit") if name.startswith("mixed") else ("symmetric",):
                 count += 1
@@ -245,9 +286,13 @@ def main():
                         error = abs(scores[metric] - value) / abs(value) if metric in scores else math.inf
                         worst[metric, device] = max(worst.get((metric, device), 0), error)
                         if arguments.verbose:
-                            print(f"{name:<18} {lpips_range:<10} {device:<5} {metric:<11} {value:>12.8f} {scores.get(metric, math.nan):>12.8f} {error:>9.1e}")
-    print(f"Largest relative difference to torch {torch.__version__} in double on {arguments.torch_device}, {count} pairs of images, random weights of "
-          f"seed {arguments.seed}; tolerance {arguments.tolerance:g}\n")
+                            print(
+                                f"{name:<18} {lpips_range:<10} {device:<5} {metric:<11} {value:>12.8f} {scores.get(metric, math.nan):>12.8f} {error:>9.1e}"
+                            )
+    print(
+        f"Largest relative difference to torch {torch.__version__} in double on {arguments.torch_device}, {count} pairs of images, random weights of "
+        f"seed {arguments.seed}; tolerance {arguments.tolerance:g}\n"
+    )
     print("| metric |" + "".join(f" gsapp on {device} |" for device in arguments.device))
     print("|---|" + "---:|" * len(arguments.device))
     for metric in expected:

@@ -23,9 +23,11 @@ OFFSETS = ((0.0, 0.0, 0.0), (1e3, 1e3, 1e3), (5e5, 4e6, 100.0))
 def rotation(q):
     norm = sum(x * x for x in q) ** 0.5
     w, x, y, z = (v / norm for v in q)
-    return [[1 - 2 * y * y - 2 * z * z, 2 * x * y - 2 * z * w, 2 * x * z + 2 * y * w],
-            [2 * x * y + 2 * z * w, 1 - 2 * x * x - 2 * z * z, 2 * y * z - 2 * x * w],
-            [2 * x * z - 2 * y * w, 2 * y * z + 2 * x * w, 1 - 2 * x * x - 2 * y * y]]
+    return [
+        [1 - 2 * y * y - 2 * z * z, 2 * x * y - 2 * z * w, 2 * x * z + 2 * y * w],
+        [2 * x * y + 2 * z * w, 1 - 2 * x * x - 2 * z * z, 2 * y * z - 2 * x * w],
+        [2 * x * z - 2 * y * w, 2 * y * z + 2 * x * w, 1 - 2 * x * x - 2 * y * y],
+    ]
 
 
 def moved_images(data, scale, offset):
@@ -80,9 +82,11 @@ def ply_bounds(path, share):
     header = data[:end].decode("latin-1").splitlines()
     count = next(int(line.split()[2]) for line in header if line.startswith("element vertex"))
     width = {"float": 4, "uchar": 1}
-    row = sum(width[line.split()[1]] for line in header[:header.index("end_header")] if line.startswith("property"))
-    offset = next(([float(x) for x in line.split()[3:6]] for line in header if line.startswith("comment gsapp offset")),
-                  [0.0, 0.0, 0.0])
+    row = sum(width[line.split()[1]] for line in header[: header.index("end_header")] if line.startswith("property"))
+    offset = next(
+        ([float(x) for x in line.split()[3:6]] for line in header if line.startswith("comment gsapp offset")),
+        [0.0, 0.0, 0.0],
+    )
     points = [struct.unpack_from("<3f", data, end + i * row) for i in range(count)]
     bounds, skipped = [], int(share * count)
     for axis in range(3):
@@ -94,16 +98,33 @@ def ply_bounds(path, share):
 def bounds_error(original, moved, scale, offset):
     """The largest difference of bounds from the transformed original's, in parts of its size."""
     size = max(scale * (high - low) for low, high in original)
-    return max(abs(scale * a + o - b) / size for pair, new, o in zip(original, moved, offset) for a, b in zip(pair, new))
+    return max(
+        abs(scale * a + o - b) / size for pair, new, o in zip(original, moved, offset) for a, b in zip(pair, new)
+    )
 
 
 def train(arguments, scene, run, strategy):
     """Returns the PSNR of each seed, or None and what went wrong. The last seed's run stays."""
     scores = []
     for seed in range(arguments.seeds):
-        command = [arguments.program, "train", "-s", str(scene), "-m", str(run), "--eval", "--strategy", strategy,
-                   "--iterations", str(arguments.iterations), "--seed", str(seed), "--overwrite", "-q",
-                   *arguments.options]
+        command = [
+            arguments.program,
+            "train",
+            "-s",
+            str(scene),
+            "-m",
+            str(run),
+            "--eval",
+            "--strategy",
+            strategy,
+            "--iterations",
+            str(arguments.iterations),
+            "--seed",
+            str(seed),
+            "--overwrite",
+            "-q",
+            *arguments.options,
+        ]
         result = subprocess.run(command, capture_output=True, text=True)
         if result.returncode != 0:
             return None, (result.stderr.strip().splitlines() or [f"exit {result.returncode}"])[-1]
@@ -130,10 +151,12 @@ def main():
     parser.add_argument("--tolerance", type=float, default=0.15, help="dB; more is an error")
     split = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
     arguments = parser.parse_args(sys.argv[1:split])
-    arguments.options = sys.argv[split + 1:]
+    arguments.options = sys.argv[split + 1 :]
     failed = 0
-    print("| scene | strategy | scale | offset | PSNR | difference | first points | trained points |\n"
-          "|---|---|---:|---|---:|---:|---:|---:|")
+    print(
+        "| scene | strategy | scale | offset | PSNR | difference | first points | trained points |\n"
+        "|---|---|---:|---|---:|---:|---:|---:|"
+    )
     for scene in arguments.scenes:
         for strategy in arguments.strategies:
             run = arguments.output / f"run-{scene.name}-{strategy}-original"
@@ -144,7 +167,7 @@ def main():
             spread = f" ({min(scores):.2f} to {max(scores):.2f})" if arguments.seeds > 1 else ""
             print(f"| {scene.name} | {strategy} | original | | {base:.2f}{spread} | | | |", flush=True)
             for scale in arguments.scales:
-                for offset in OFFSETS[:arguments.offsets]:
+                for offset in OFFSETS[: arguments.offsets]:
                     if scale == 1 and not any(offset):
                         continue
                     name = f"{scene.name}-{scale:g}-{offset[0]:g}"
@@ -157,11 +180,15 @@ def main():
                         failed += 1
                         continue
                     psnr = statistics.fmean(scores)
-                    first, trained = (bounds_error(a, b, scale, offset)
-                                      for a, b in zip(original, clouds(arguments, run)))
+                    first, trained = (
+                        bounds_error(a, b, scale, offset) for a, b in zip(original, clouds(arguments, run))
+                    )
                     failed += abs(psnr - base) > arguments.tolerance or first > 1e-3 or trained > 0.05
-                    print(f"| {scene.name} | {strategy} | {scale:g} | {where} | {psnr:.2f} | {psnr - base:+.2f} | "
-                          f"{first:.1e} | {trained:.1e} |", flush=True)
+                    print(
+                        f"| {scene.name} | {strategy} | {scale:g} | {where} | {psnr:.2f} | {psnr - base:+.2f} | "
+                        f"{first:.1e} | {trained:.1e} |",
+                        flush=True,
+                    )
     sys.exit(1 if failed else 0)
 
 

@@ -38,7 +38,12 @@ LOADING = 900  # seconds at most
 def write_model(path, count):
     """A ball's shell whose Gaussians repeat after a row of textures."""
     rng = random.Random(1)
-    geometry = b"".join(struct.pack("<4B3e2B4B", 200, 150, 100, 200, *unit([rng.gauss(0, 1) for _ in range(3)]), 128, 128, 60, 60, 60, 0) for _ in range(ROW))
+    geometry = b"".join(
+        struct.pack(
+            "<4B3e2B4B", 200, 150, 100, 200, *unit([rng.gauss(0, 1) for _ in range(3)]), 128, 128, 60, 60, 60, 0
+        )
+        for _ in range(ROW)
+    )
     head = bytearray(header(count, [(0, 0, -4)]))
     struct.pack_into("<I", head, BANDS_AT, ALL_BANDS)
     with open(path, "wb") as file:
@@ -74,14 +79,18 @@ def memory(root):
             rollup = pathlib.Path(f"/proc/{pid}/smaps_rollup").read_text() if kind else ""
         except OSError:
             continue
-        sums[kind or "renderer"] += sum(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:")) / 1024
+        sums[kind or "renderer"] += (
+            sum(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:")) / 1024
+        )
     return sums
 
 
 def is_loaded(browser):
     """False also where the page is too busy to answer."""
     try:
-        return browser.evaluate("document.body.classList.contains('loaded') && document.getElementById('notice').hidden && window.gsapp !== undefined")
+        return browser.evaluate(
+            "document.body.classList.contains('loaded') && document.getElementById('notice').hidden && window.gsapp !== undefined"
+        )
     except TimeoutError:
         return False
 
@@ -146,7 +155,12 @@ def main():
             after = memory(root)
     print(f"{arguments.gaussians:,} Gaussians, file of {size:.0f} MiB; MiB of memory:")
     print(f"{'':24}{'pages':>8}{'graphics':>10}{'sum':>8}")
-    for what, taken in (("without a model", before), ("with it", loaded), ("garbage collected", after), ("at most while it loads", peak.most)):
+    for what, taken in (
+        ("without a model", before),
+        ("with it", loaded),
+        ("garbage collected", after),
+        ("at most while it loads", peak.most),
+    ):
         print(f"{what:24}{taken['renderer']:8.0f}{taken['gpu-process']:10.0f}{sum(taken.values()):8.0f}")
     more, most = (sum(taken.values()) - sum(before.values()) for taken in (after, peak.most))
     print(f"the model: {more:.0f}, at most {most:.0f} while it loads")

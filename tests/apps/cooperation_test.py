@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Four `gsapp tradeoff` processes train one set of configurations; one of them is killed. Three more share one that fails.
+"""Four `gsapp tradeoff` processes train one set of configurations; one of them is killed. Three more share one that
+fails.
 
 Usage: cooperation_test.py PROGRAM
 """
@@ -14,8 +15,24 @@ CELLS = 6
 
 
 def start(program, folder, *axes):
-    command = [program, "tradeoff", "-s", "builtin:diffuse", "-r", "8", "--iterations", "300", "--device", "cpu",
-               "--threads", "1", "--axes", *axes, "-m", folder]
+    command = [
+        program,
+        "tradeoff",
+        "-s",
+        "builtin:diffuse",
+        "-r",
+        "8",
+        "--iterations",
+        "300",
+        "--device",
+        "cpu",
+        "--threads",
+        "1",
+        "--axes",
+        *axes,
+        "-m",
+        folder,
+    ]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -81,8 +98,10 @@ def main():
         for name in folders:
             assert os.path.exists(os.path.join(folder, name, "results.json")), name
         share_a_failure(program, root)
-    print(f"{CELLS} configurations trained by four processes, of which one was killed; three equal tables; "
-          "a failure was tried once by three")
+    print(
+        f"{CELLS} configurations trained by four processes, of which one was killed; three equal tables; "
+        "a failure was tried once by three"
+    )
 
 
 if __name__ == "__main__":

@@ -62,7 +62,20 @@ def equal_quality(program, root):
     found = {}
     for ranks in (1, 2, 3, 4):
         run = root / f"of-{ranks}"
-        code, _, err = finish(train(program, "-m", run, "--eval", "--ranks", ranks, "--iterations", length, "--checkpoint-iterations", length // 2))
+        code, _, err = finish(
+            train(
+                program,
+                "-m",
+                run,
+                "--eval",
+                "--ranks",
+                ranks,
+                "--iterations",
+                length,
+                "--checkpoint-iterations",
+                length // 2,
+            )
+        )
         check(code == 0, ranks, "ranks:", err)
         found[ranks] = psnr(run, length)
     print("PSNR by ranks:", found)
@@ -73,7 +86,21 @@ def equal_quality(program, root):
         subprocess.run(["cp", "-r", root / f"of-{begun}", run], check=True)
         checkpoint = run / "checkpoints" / f"iteration_{length // 2}.safetensors"
         check(checkpoint.exists(), sorted((run / "checkpoints").iterdir()))
-        code, _, err = finish(train(program, "-m", run, "--eval", "--ranks", ranks, "--iterations", length, "--resume", checkpoint, "--overwrite"))
+        code, _, err = finish(
+            train(
+                program,
+                "-m",
+                run,
+                "--eval",
+                "--ranks",
+                ranks,
+                "--iterations",
+                length,
+                "--resume",
+                checkpoint,
+                "--overwrite",
+            )
+        )
         check(code == 0, f"{begun} then {ranks} ranks:", err)
         check(abs(psnr(run, length) - found[1]) < 0.15, f"{begun} then {ranks} ranks:", psnr(run, length), found)
 
@@ -81,10 +108,28 @@ def equal_quality(program, root):
 def steps_on_several_views(program, root):
     """Steps end where something is due, whatever the number of their views."""
     run = root / "batch"
-    code, _, err = finish(train(program, "-m", run, "--batch", 3, "--iterations", 130, "--save-iterations", 50, "--checkpoint-iterations", 64))
+    code, _, err = finish(
+        train(
+            program,
+            "-m",
+            run,
+            "--batch",
+            3,
+            "--iterations",
+            130,
+            "--save-iterations",
+            50,
+            "--checkpoint-iterations",
+            64,
+        )
+    )
     check(code == 0, err)
     for iteration in (50, 130):
-        check((run / "point_cloud" / f"iteration_{iteration}" / "point_cloud.ply").exists(), iteration, list(run.glob("*/*")))
+        check(
+            (run / "point_cloud" / f"iteration_{iteration}" / "point_cloud.ply").exists(),
+            iteration,
+            list(run.glob("*/*")),
+        )
     for iteration in (64, 130):
         check((run / "checkpoints" / f"iteration_{iteration}.safetensors").exists(), iteration, list(run.glob("*/*")))
     lines = [json.loads(line) for line in (run / "stats" / "train.jsonl").read_text().splitlines()]
@@ -117,7 +162,20 @@ def lost_rank(program, root, sent, expected):
 
 def stopped_together(program, root):
     """Ranks that were stopped together, as Ctrl-Z does, go on together."""
-    process = train(program, "-m", root / "stopped", "--ranks", 2, "--iterations", 400, "--appearance", "neural", "--ppisp", "on", start_new_session=True)
+    process = train(
+        program,
+        "-m",
+        root / "stopped",
+        "--ranks",
+        2,
+        "--iterations",
+        400,
+        "--appearance",
+        "neural",
+        "--ppisp",
+        "on",
+        start_new_session=True,
+    )
     time.sleep(1)
     os.killpg(process.pid, signal.SIGSTOP)
     time.sleep(17)
@@ -150,7 +208,13 @@ def two_jobs_at_one_port(program, root):
     port = str(free_port())
 
     def start(rank, run):
-        environment = {**os.environ, "RANK": str(rank), "WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
+        environment = {
+            **os.environ,
+            "RANK": str(rank),
+            "WORLD_SIZE": "2",
+            "MASTER_ADDR": "127.0.0.1",
+            "MASTER_PORT": port,
+        }
         return train(program, "-m", root / run, "--iterations", 20, env=environment)
 
     first = start(0, "job-one")
@@ -163,9 +227,17 @@ def two_jobs_at_one_port(program, root):
 
 
 class Strangers:
-    """Connections to a port from somebody who does not know the job's secret: idle ones, and such that say something."""
-    WORDS = [b"x", b"\0", bytes(range(256)) * 100, b"GET / HTTP/1.1\r\n\r\n", b"POST /failed HTTP/1.1\r\nGsapp-Job: 0\r\nContent-Length: 1\r\n\r\nx",
-             (16).to_bytes(4, "little") + b"half of a request"]
+    """Connections to a port from somebody who does not know the job's secret: idle ones, and such that say
+    something."""
+
+    WORDS = [
+        b"x",
+        b"\0",
+        bytes(range(256)) * 100,
+        b"GET / HTTP/1.1\r\n\r\n",
+        b"POST /failed HTTP/1.1\r\nGsapp-Job: 0\r\nContent-Length: 1\r\n\r\nx",
+        (16).to_bytes(4, "little") + b"half of a request",
+    ]
 
     def __init__(self, port, idle=40):
         self.connections = [socket.create_connection(("127.0.0.1", port)) for _ in range(idle)]
@@ -193,7 +265,14 @@ def strangers(program, root):
     port = free_port()
 
     def start(rank, secret="the secret of this job"):
-        environment = {**os.environ, "RANK": str(rank), "WORLD_SIZE": "3", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port), "GSAPP_RANK_SECRET": secret}
+        environment = {
+            **os.environ,
+            "RANK": str(rank),
+            "WORLD_SIZE": "3",
+            "MASTER_ADDR": "127.0.0.1",
+            "MASTER_PORT": str(port),
+            "GSAPP_RANK_SECRET": secret,
+        }
         return train(program, "-m", root / "strangers", "--iterations", 20, env=environment)
 
     first = start(0)
@@ -212,14 +291,32 @@ def strangers(program, root):
 
 def started_by_others(program, root):
     """The variables of torchrun; ranks that differ are found before the training."""
+
     def world(size, *different, local_size=None):
         port = str(free_port())
         processes = []
         for rank in range(size):
-            environment = {**os.environ, "RANK": str(rank), "WORLD_SIZE": str(size), "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port,
-                           "LOCAL_RANK": str(rank % (local_size or size)), "LOCAL_WORLD_SIZE": str(local_size or size)}
-            processes.append(train(program, "-m", root / "world", "--overwrite", *(different if rank == 1 else ()), "--iterations", 60,
-                                   env=environment))
+            environment = {
+                **os.environ,
+                "RANK": str(rank),
+                "WORLD_SIZE": str(size),
+                "MASTER_ADDR": "127.0.0.1",
+                "MASTER_PORT": port,
+                "LOCAL_RANK": str(rank % (local_size or size)),
+                "LOCAL_WORLD_SIZE": str(local_size or size),
+            }
+            processes.append(
+                train(
+                    program,
+                    "-m",
+                    root / "world",
+                    "--overwrite",
+                    *(different if rank == 1 else ()),
+                    "--iterations",
+                    60,
+                    env=environment,
+                )
+            )
         return [finish(p) for p in processes]
 
     results = world(2)
@@ -234,18 +331,50 @@ def started_by_others(program, root):
     check(results[1][0] == 4 and results[1][2] == "", "rank 0 says it:", results[1])
     code, _, err = finish(train(program, "-s", root / "nothing", "-m", root / "x", "--ranks", 2))
     check(code in (3, 4) and err.count("error:") == 1 and "nothing" in err, code, err)
-    code, _, err = finish(train(program, "-m", root / "x", "--ranks", 2, env={**os.environ, "RANK": "0", "WORLD_SIZE": "3", "MASTER_ADDR": "x", "MASTER_PORT": "1"}))
+    code, _, err = finish(
+        train(
+            program,
+            "-m",
+            root / "x",
+            "--ranks",
+            2,
+            env={**os.environ, "RANK": "0", "WORLD_SIZE": "3", "MASTER_ADDR": "x", "MASTER_PORT": "1"},
+        )
+    )
     check(code == 2 and "option ranks: 2 is not the number of processes" in err, code, err)
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        code, _, err = finish(train(program, "-m", root / "x", env={**os.environ, "RANK": "0", "WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1",
-                                                                    "MASTER_PORT": str(taken.getsockname()[1])}))
+        code, _, err = finish(
+            train(
+                program,
+                "-m",
+                root / "x",
+                env={
+                    **os.environ,
+                    "RANK": "0",
+                    "WORLD_SIZE": "2",
+                    "MASTER_ADDR": "127.0.0.1",
+                    "MASTER_PORT": str(taken.getsockname()[1]),
+                },
+            )
+        )
     check(code == 4 and "it is taken" in err, code, err)
     for value in ("0", "two", "-1", "all"):
         code, _, err = finish(train(program, "-m", root / "x", "--ranks", value))
         check(code == 2 and "ranks" in err, value, code, err)
-    code, _, err = finish(train(program, "-m", root / "x", "--device", "cuda", "--gpus", "all", env={**os.environ, "CUDA_VISIBLE_DEVICES": ""}))
+    code, _, err = finish(
+        train(
+            program,
+            "-m",
+            root / "x",
+            "--device",
+            "cuda",
+            "--gpus",
+            "all",
+            env={**os.environ, "CUDA_VISIBLE_DEVICES": ""},
+        )
+    )
     check(code == 4 and "option ranks: all" in err and "there is none" in err, code, err)
     check(not (root / "x").exists(), "nothing is written")
 
@@ -259,8 +388,12 @@ def main():
         started_by_others(program, root)
         lost_rank(program, root, signal.SIGKILL, "rank 2 was ended by signal 9")
         with concurrent.futures.ThreadPoolExecutor() as pool:  # these mostly wait
-            waits = [pool.submit(strangers, program, root), pool.submit(lost_rank, program, root, signal.SIGSTOP, "has not been heard of"), pool.submit(stopped_together, program, root),
-                     pool.submit(interrupted, program, root)]
+            waits = [
+                pool.submit(strangers, program, root),
+                pool.submit(lost_rank, program, root, signal.SIGSTOP, "has not been heard of"),
+                pool.submit(stopped_together, program, root),
+                pool.submit(interrupted, program, root),
+            ]
             for wait in waits:
                 wait.result()
         equal_quality(program, root)

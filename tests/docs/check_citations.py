@@ -23,14 +23,18 @@ OUTSIDE = re.compile(
     r"\bspec(?:ification)?s?\s+(?:section|§|\d)|\bspec/"
     r"|\b(?:appearance|rasterizer|optimization|densification|ppisp|viewer|data[- ]formats) spec(?:ification)?\b"
     r"|\bof the spec(?:ification)?\b",
-    re.IGNORECASE)
+    re.IGNORECASE,
+)
 # One anchor or several: docs/page.md#one, #two.
 CITATION = re.compile(r"(?<![\w/.-])(docs/[\w./-]+\.md)((?:#[\w-]+(?:, #[\w-]+)*)?)")
 FENCE = re.compile(r"^\s*(```|~~~)")
 HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*\s*$")
 NAMED = re.compile(r"<a\s+(?:id|name)=[\"']([^\"']+)[\"']")
-LINK = re.compile(r"!?\[(?:[^\[\]]|\[[^\]]*\])*\]\(\s*<?([^)\s>]+)>?(?:\s+[\"'][^)]*)?\)|^\s*\[[^\]]+\]:\s+(\S+)"
-                  r"|(?:src|href)=[\"']([^\"']+)[\"']", re.MULTILINE)
+LINK = re.compile(
+    r"!?\[(?:[^\[\]]|\[[^\]]*\])*\]\(\s*<?([^)\s>]+)>?(?:\s+[\"'][^)]*)?\)|^\s*\[[^\]]+\]:\s+(\S+)"
+    r"|(?:src|href)=[\"']([^\"']+)[\"']",
+    re.MULTILINE,
+)
 
 
 def files_of(root):
@@ -138,7 +142,7 @@ See [below](#two-words), [again](#two-words-1), [the other](other.md), [site](ht
 """
 GOOD = {
     "docs/page.md": PAGE,
-    "docs/other.md": "<a id=\"mark\"></a>\n[up](page.md#the-page) and [marked](#mark)\n",
+    "docs/other.md": '<a id="mark"></a>\n[up](page.md#the-page) and [marked](#mark)\n',
     "kernels/a.h": "// Blending (docs/page.md#two-words). AppearanceSpec spec; docs/other.md\n",
 }
 # What is written over GOOD, and the only fault that is to be found then.
@@ -151,9 +155,9 @@ BAD = [
     ("apps/a.ts", "// docs/page.md#no-heading\n", "no such anchor"),
     ("apps/a.ts", "// docs/page.md#two-words, #three-words\n", "no such anchor"),
     ("appearance/a.glsl", "// docs/gone.md\n", "no such file"),
-    ("docs/other.md", "<a id=\"mark\"></a>\n[page](page.md#two-words-2)\n", "no such anchor"),
-    ("docs/other.md", "<a id=\"mark\"></a>\n[a\npage](page.md#page)\n", "no such anchor"),
-    ("docs/other.md", "<a id=\"mark\"></a>\n![picture](images/gone.png)\n", "no such file"),
+    ("docs/other.md", '<a id="mark"></a>\n[page](page.md#two-words-2)\n', "no such anchor"),
+    ("docs/other.md", '<a id="mark"></a>\n[a\npage](page.md#page)\n', "no such anchor"),
+    ("docs/other.md", '<a id="mark"></a>\n![picture](images/gone.png)\n', "no such file"),
     ("README.md", "[docs](/docs/page.md)\n", "not relative"),
 ]
 

@@ -35,7 +35,7 @@ PAGES = [f"docs/{name}.md" for name in ("install", "guide", "training", "trouble
 NOT_RUN = {
     "gsapp prepare": "needs colmap, and minutes; tests/apps/prepare_test.cpp runs it with a stand-in",
     "gsapp train -s scene -m output/scene --eval --view": "serves its page until Ctrl-C; tests/apps/view_test.cpp and "
-                                                          "tests/eval/live run it",
+    "tests/eval/live run it",
     "scripts/setup": "installs packages; CI begins with it",
     "scripts/build-viewer": "needs npm; CI builds the viewer",
     "scripts/download": "fetches gigabytes; tests/scripts/download_test.py runs it on small archives",
@@ -46,10 +46,33 @@ NOT_RUN = {
     "srun gsapp train": "needs Slurm; tests/apps/ranks_test.py gives ranks their variables",
 }
 # Options in the pages that are those of other programs.
-FOREIGN = {"--target", "--rm", "--gpus", "--build", "--preset", "--prefix", "--install", "--checksums", "--check",
-           "--colmap", "--array", "--gres", "--cpus-per-task", "--mem", "--time", "--requeue", "--signal", "--job-name",
-           "--nodes", "--ntasks-per-node", "--orientation-method", "--center-method", "--auto-scale-poses", "--logdir",
-           "--spz-version"}
+FOREIGN = {
+    "--target",
+    "--rm",
+    "--gpus",
+    "--build",
+    "--preset",
+    "--prefix",
+    "--install",
+    "--checksums",
+    "--check",
+    "--colmap",
+    "--array",
+    "--gres",
+    "--cpus-per-task",
+    "--mem",
+    "--time",
+    "--requeue",
+    "--signal",
+    "--job-name",
+    "--nodes",
+    "--ntasks-per-node",
+    "--orientation-method",
+    "--center-method",
+    "--auto-scale-poses",
+    "--logdir",
+    "--spz-version",
+}
 
 FENCE = re.compile(r"^```(\w*)$")
 MARK = re.compile(r"^<!-- test: ?(.*?) ?-->$")
@@ -86,7 +109,7 @@ def blocks_of(page, text):
         if fence and language is None:
             language, begin = fence[1], number
         elif fence:
-            inside = lines[begin:number - 1]
+            inside = lines[begin : number - 1]
             if language == "sh":
                 mark = MARK.match(lines[begin - 2]) if begin > 1 else None
                 blocks.append(Block(page, begin, "\n".join(inside), mark[1] if mark else None))
@@ -171,16 +194,25 @@ class Runner:
         self.program = pathlib.Path(program).resolve()
         (self.folder / "bin").mkdir()
         gsapp = self.folder / "bin/gsapp"
-        gsapp.write_text(f"#!/bin/sh\nexec '{sys.executable}' '{pathlib.Path(__file__).resolve()}' --as-gsapp "
-                         f"'{self.program}' \"$@\"\n")
+        gsapp.write_text(
+            f"#!/bin/sh\nexec '{sys.executable}' '{pathlib.Path(__file__).resolve()}' --as-gsapp "
+            f"'{self.program}' \"$@\"\n"
+        )
         gsapp.chmod(0o755)
         self.runs = {}
 
     def shell(self, text, work, environment):
         path = f"{self.folder / 'bin'}:{os.environ['PATH']}"
-        done = subprocess.run(["bash", "-euo", "pipefail", "-c", text], cwd=work, stdin=subprocess.DEVNULL,
-                              env={**os.environ, "PATH": path, **environment}, capture_output=True, text=True,
-                              errors="replace", timeout=120)
+        done = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", text],
+            cwd=work,
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, "PATH": path, **environment},
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=120,
+        )
         return done.returncode, done.stdout + done.stderr
 
     def finished_run(self, name):
@@ -248,19 +280,27 @@ class Runner:
 
 def known_options(program):
     """Every option that the help of some command, or the list of all training options, names."""
+
     def said(*words):
         return subprocess.run([program, *words], capture_output=True, text=True, check=True).stdout
 
     text = said("--help") + said("options", "--coming-from") + said("options", "--markdown")
-    commands = re.findall(r"^  ([a-z][a-z-]*)  ", text[text.index("Subcommands:"):], re.MULTILINE)
-    for command in [[name] for name in commands] + [["bench", n] for n in ("frames", "suite", "precision", "stability")]:
+    commands = re.findall(r"^  ([a-z][a-z-]*)  ", text[text.index("Subcommands:") :], re.MULTILINE)
+    for command in [[name] for name in commands] + [
+        ["bench", n] for n in ("frames", "suite", "precision", "stability")
+    ]:
         text += said(*command, "--help-all")
     return set(OPTION.findall(text))
 
 
 def unknown_options(page, text, known):
-    return [f"{page}:{number}: no command has the option {option}" for number, line in enumerate(text.splitlines(), 1)
-            if not MARK.match(line) for option in OPTION.findall(line) if option not in known | FOREIGN]
+    return [
+        f"{page}:{number}: no command has the option {option}"
+        for number, line in enumerate(text.splitlines(), 1)
+        if not MARK.match(line)
+        for option in OPTION.findall(line)
+        if option not in known | FOREIGN
+    ]
 
 
 def check(root, program, pages):
@@ -277,8 +317,10 @@ def check(root, program, pages):
 
 
 # A page as it should be, and what makes it wrong, with the fault that has to be found.
-GOOD = "# Page\nSee `--known`.\n<!-- test: with output/scene; makes copy -->\n```sh\ncp -r output/scene copy\n```\n" \
-       "```sh\ncmake --build .\n```\n```\ngsapp: a sample of output\n```\n"
+GOOD = (
+    "# Page\nSee `--known`.\n<!-- test: with output/scene; makes copy -->\n```sh\ncp -r output/scene copy\n```\n"
+    "```sh\ncmake --build .\n```\n```\ngsapp: a sample of output\n```\n"
+)
 BAD = [
     ("cp -r output/scene copy", "cp -r output/other copy", "exit code 1"),
     ("cp -r output/scene copy", "gsapp fails | cat", "exit code 7"),

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kills trainings at random moments (SIGKILL) and resumes them until they finish. What they leave behind has to equal, bit for bit, what a
-training leaves that nobody stopped: point clouds, checkpoints but for the time in them, scores, pictures, and the log but for its times.
+"""Kills trainings at random moments (SIGKILL) and resumes them until they finish. What they leave behind has to equal,
+bit for bit, what a training leaves that nobody stopped: point clouds, checkpoints but for the time in them, scores,
+pictures, and the log but for its times.
 
-Usage: kill_test.py GSAPP [--kills N] [--seed S] [--device cpu|cuda] [--iterations N]. Prints what it did. On a GPU trainings run with
---deterministic.
+Usage: kill_test.py GSAPP [--kills N] [--seed S] [--device cpu|cuda] [--iterations N]. Prints what it did. On a GPU
+trainings run with --deterministic.
 """
 
 import argparse
@@ -18,9 +19,26 @@ import tempfile
 import time
 
 TIMES = ("milliseconds", "data_wait_milliseconds", "train_seconds", "data_wait_seconds")
-COMMON = ["-r", "48", "--eval", "--quiet", "--cap-max", "6000", "--densify-from-iter", "40", "--densification-interval", "40",
-          "--densify-grad-threshold", "1e-5", "--opacity-reset-interval", "150", "--preview-every", "150",
-          "--checkpoint-minutes", "0.001"]  # at every multiple of 100 iterations
+COMMON = [
+    "-r",
+    "48",
+    "--eval",
+    "--quiet",
+    "--cap-max",
+    "6000",
+    "--densify-from-iter",
+    "40",
+    "--densification-interval",
+    "40",
+    "--densify-grad-threshold",
+    "1e-5",
+    "--opacity-reset-interval",
+    "150",
+    "--preview-every",
+    "150",
+    "--checkpoint-minutes",
+    "0.001",
+]  # at every multiple of 100 iterations
 CASES = {
     "mcmc": ["-s", "builtin:diffuse", "--strategy", "mcmc"],
     "adc": ["-s", "builtin:diffuse", "--strategy", "adc", "--appearance", "neural"],
@@ -40,10 +58,10 @@ def without(values, keys):
 def checkpoint(data):
     """The header without times and folder, and the tensors as bytes."""
     length = int.from_bytes(data[:8], "little")
-    header = json.loads(data[8:8 + length])
+    header = json.loads(data[8 : 8 + length])
     metadata = header.pop("__metadata__")
     metadata["options"] = configuration(metadata["options"])
-    return header, without(metadata, TIMES), data[8 + length:]
+    return header, without(metadata, TIMES), data[8 + length :]
 
 
 def configuration(text):
@@ -56,8 +74,12 @@ def results(text):
     return without(json.loads(text), ("timing", "memory"))
 
 
-READERS = {"config.yaml": configuration, "cfg_args": lambda text: text.split("model_path=")[0] + text.split("', resolution=")[1],
-           "train.jsonl": lambda text: [without(json.loads(line), TIMES) for line in text.splitlines()], "results.json": results}
+READERS = {
+    "config.yaml": configuration,
+    "cfg_args": lambda text: text.split("model_path=")[0] + text.split("', resolution=")[1],
+    "train.jsonl": lambda text: [without(json.loads(line), TIMES) for line in text.splitlines()],
+    "results.json": results,
+}
 
 
 def content(path):
@@ -83,14 +105,25 @@ class Trainings:
     def __init__(self, arguments, folder):
         self.gsapp, self.folder = str(pathlib.Path(arguments.gsapp).resolve()), folder
         end = arguments.iterations
-        self.options = [*COMMON, "--iterations", str(end), "--device", arguments.device,
-                        "--checkpoint-iterations", *(str(n) for n in range(30, end, 30)), "--save-iterations", *(str(n) for n in range(50, end, 50))]
+        self.options = [
+            *COMMON,
+            "--iterations",
+            str(end),
+            "--device",
+            arguments.device,
+            "--checkpoint-iterations",
+            *(str(n) for n in range(30, end, 30)),
+            "--save-iterations",
+            *(str(n) for n in range(50, end, 50)),
+        ]
         if arguments.device == "cuda":
             self.options.append("--deterministic")
         self.moments = collections.Counter()
 
     def start(self, options):
-        return subprocess.Popen([self.gsapp, "train", *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        return subprocess.Popen(
+            [self.gsapp, "train", *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        )
 
     def uninterrupted(self, case):
         run = self.folder / f"{case}-whole"
@@ -108,12 +141,19 @@ class Trainings:
             begun, saved = (run / "config.yaml").exists(), any((run / "checkpoints").glob("iteration_*.safetensors"))
             anew = [*CASES[case], *self.options, "-m", str(run)]
             if begun and not saved:
-                refused = subprocess.run([self.gsapp, "train", "-m", str(run), "--resume", "latest"], capture_output=True, text=True)
-                check(refused.returncode == 3 and "--overwrite in place of --resume" in refused.stderr, f"{case}: {refused.stderr}")
+                refused = subprocess.run(
+                    [self.gsapp, "train", "-m", str(run), "--resume", "latest"], capture_output=True, text=True
+                )
+                check(
+                    refused.returncode == 3 and "--overwrite in place of --resume" in refused.stderr,
+                    f"{case}: {refused.stderr}",
+                )
                 anew.append("--overwrite")
             process = self.start(["-m", str(run), "--resume", "latest"] if saved else anew)
             try:
-                message = process.communicate(timeout=generator.uniform(0, 1.1 * seconds) if kills < most_kills else None)[1]
+                message = process.communicate(
+                    timeout=generator.uniform(0, 1.1 * seconds) if kills < most_kills else None
+                )[1]
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.communicate()
@@ -124,7 +164,8 @@ class Trainings:
             return run, kills
 
     def resumed_at_its_end(self, case, whole):
-        """Resumes a copy of a training as if it had been killed before its last file was written. Returns its folder."""
+        """Resumes a copy of a training as if it had been killed before its last file was written. Returns its
+        folder."""
         run = self.folder / f"{case}-ended"
         shutil.copytree(whole, run)
         (run / "results.json").unlink()
@@ -166,8 +207,11 @@ def main():
                 other, added = trainings.killed(case, seconds, most, generator)
                 kills, runs = kills + added, runs + 1
                 compared += compare(run, other, case)
-        print(f"{kills} kills in {runs} trainings of {arguments.iterations} iterations (" +
-              ", ".join(f"{n} {moment}" for moment, n in sorted(trainings.moments.items())) + f"): {compared} files, all equal to those of {len(whole)} uninterrupted trainings")
+        print(
+            f"{kills} kills in {runs} trainings of {arguments.iterations} iterations ("
+            + ", ".join(f"{n} {moment}" for moment, n in sorted(trainings.moments.items()))
+            + f"): {compared} files, all equal to those of {len(whole)} uninterrupted trainings"
+        )
 
 
 if __name__ == "__main__":

@@ -22,13 +22,20 @@ SIZE = 32
 
 
 def write_png(path, shade):
-    rows = b"".join(b"\0" + bytes((7 * x + shade) % 256 if c else (5 * y + shade) % 256 for x in range(SIZE) for c in range(3)) for y in range(SIZE))
+    rows = b"".join(
+        b"\0" + bytes((7 * x + shade) % 256 if c else (5 * y + shade) % 256 for x in range(SIZE) for c in range(3))
+        for y in range(SIZE)
+    )
 
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", SIZE, SIZE, 8, 2, 0, 0, 0)) +
-                     chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+    path.write_bytes(
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", struct.pack(">IIBBBBB", SIZE, SIZE, 8, 2, 0, 0, 0))
+        + chunk(b"IDAT", zlib.compress(rows))
+        + chunk(b"IEND", b"")
+    )
 
 
 def write_scene(folder):
@@ -38,7 +45,12 @@ def write_scene(folder):
         frames = []
         for i in range(count):
             write_png(folder / split / f"r_{i}.png", 20 * i)
-            frames.append({"file_path": f"./{split}/r_{i}", "transform_matrix": [[1, 0, 0, 0.1 * i], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]})
+            frames.append(
+                {
+                    "file_path": f"./{split}/r_{i}",
+                    "transform_matrix": [[1, 0, 0, 0.1 * i], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]],
+                }
+            )
         (folder / f"transforms_{split}.json").write_text(json.dumps({"camera_angle_x": 0.7, "frames": frames}))
 
 
@@ -53,8 +65,26 @@ class Signals(unittest.TestCase):
         write_scene(self.scene)
 
     def arguments(self, *more, run=None, iterations=100):
-        return [GSAPP, "train", "-s", str(self.scene), "-m", str(run or self.run_folder), "--device", "cpu", "--eval", "--init-points", "300", "--cap-max",
-                "300", "--checkpoint-iterations", "20", "--iterations", str(iterations), *more]
+        return [
+            GSAPP,
+            "train",
+            "-s",
+            str(self.scene),
+            "-m",
+            str(run or self.run_folder),
+            "--device",
+            "cpu",
+            "--eval",
+            "--init-points",
+            "300",
+            "--cap-max",
+            "300",
+            "--checkpoint-iterations",
+            "20",
+            "--iterations",
+            str(iterations),
+            *more,
+        ]
 
     def start(self, arguments, **options):
         process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
@@ -92,7 +122,9 @@ class Signals(unittest.TestCase):
         return Signals.expected
 
     def resume(self, *more):
-        self.assertEqual(self.run_to_end([GSAPP, "train", "-m", str(self.run_folder), "--resume", "latest", *more]), 0, self.messages)
+        self.assertEqual(
+            self.run_to_end([GSAPP, "train", "-m", str(self.run_folder), "--resume", "latest", *more]), 0, self.messages
+        )
 
     def test_signals_that_ask_to_end_leave_a_checkpoint(self):
         for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
@@ -109,7 +141,9 @@ class Signals(unittest.TestCase):
                 self.resume("--iterations", str(last + 1))
 
     def test_under_nohup_a_closed_terminal_ends_nothing(self):
-        process = self.stop_after_first_checkpoint(self.arguments(), preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+        process = self.stop_after_first_checkpoint(
+            self.arguments(), preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        )
         process.send_signal(signal.SIGHUP)
         process.send_signal(signal.SIGCONT)
         self.assertEqual(self.finish(process), 0, self.messages)
@@ -124,7 +158,9 @@ class Signals(unittest.TestCase):
 
     def test_the_limit_of_file_sizes_is_an_error_with_its_reason(self):
         limit = 100000
-        process = self.start(self.arguments(), preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
+        process = self.start(
+            self.arguments(), preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+        )
         self.assertEqual(self.finish(process), 3, self.messages)
         self.assertIn("iteration_20.safetensors", self.messages)
         self.assertIn("File too large", self.messages)
@@ -157,7 +193,9 @@ class Signals(unittest.TestCase):
         process.send_signal(signal.SIGCONT)
         self.assertEqual(self.finish(process), 0, self.messages)
         self.assertEqual(self.point_cloud(), expected)
-        self.assertIn("ours_100", json.loads((self.run_folder / "results.json").read_text()), "test images were decoded, too")
+        self.assertIn(
+            "ours_100", json.loads((self.run_folder / "results.json").read_text()), "test images were decoded, too"
+        )
 
     def test_images_that_vanish_leave_a_checkpoint_that_resumes(self):
         expected = self.uninterrupted()
@@ -171,7 +209,11 @@ class Signals(unittest.TestCase):
                     shutil.copytree(aside, self.scene / "train")
                     for image in (self.scene / "train").iterdir():
                         data = image.read_bytes()
-                        image.write_bytes(data[:len(data) // 2] if fault == "damaged" else data[:16] + struct.pack(">II", 16, 16) + data[24:])
+                        image.write_bytes(
+                            data[: len(data) // 2]
+                            if fault == "damaged"
+                            else data[:16] + struct.pack(">II", 16, 16) + data[24:]
+                        )
                 process.send_signal(signal.SIGCONT)
                 self.assertEqual(self.finish(process), 3, self.messages)
                 self.assertIn("scene/train/r_", self.messages)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lets writes fail, one after another, in every subcommand that writes: open, write, fsync, close, rename and mkdir (failing_writes.cpp). Each
-time the program has to end with exit code 3, name the file, leave no temporary file, and leave every file as it was before or as it would have
-become. Then stdout on a full device, and closed.
+"""Lets writes fail, one after another, in every subcommand that writes: open, write, fsync, close, rename and mkdir
+(failing_writes.cpp). Each time the program has to end with exit code 3, name the file, leave no temporary file, and
+leave every file as it was before or as it would have become. Then stdout on a full device, and closed.
 
-Usage: write_test.py GSAPP LIBRARY [--all] [--only CASE]. A spread of the calls fails, about 4 a subcommand; with --all each of them.
+Usage: write_test.py GSAPP LIBRARY [--all] [--only CASE]. A spread of the calls fails, about 4 a subcommand; with --all
+each of them.
 """
 
 import argparse
@@ -18,8 +19,22 @@ import subprocess
 import sys
 import tempfile
 
-TRAIN = ["-s", "builtin:diffuse", "--device", "cpu", "-r", "48", "--iterations", "4", "--init-points", "300", "--cap-max", "300",
-         "--threads", "1"]
+TRAIN = [
+    "-s",
+    "builtin:diffuse",
+    "--device",
+    "cpu",
+    "-r",
+    "48",
+    "--iterations",
+    "4",
+    "--init-points",
+    "300",
+    "--cap-max",
+    "300",
+    "--threads",
+    "1",
+]
 SAVE = ["--eval", "--preview-every", "2", "--checkpoint-iterations", "2", "--save-iterations", "2", "4", "--quiet"]
 # Messages and the owner of a lock are no results: a write to these may fail without ending the program.
 NO_RESULTS = {"gsapp.log", ".gsapp.lock"}
@@ -43,8 +58,8 @@ esac
 
 
 class Case:
-    """A subcommand: its words, with {} for the folder it works in; `replaces`: that an earlier file may be gone while the command fails;
-    `heavy`: only with --all, and every training is a process that counts its own calls."""
+    """A subcommand: its words, with {} for the folder it works in; `replaces`: that an earlier file may be gone while
+    the command fails; `heavy`: only with --all, and every training is a process that counts its own calls."""
 
     def __init__(self, name, words, replaces=False, heavy=False):
         self.name, self.words, self.replaces, self.heavy = name, words, replaces, heavy
@@ -62,7 +77,11 @@ CASES = [
     Case("prepare", ["prepare", "{}/run/test/ours_4/gt", "-o", "{}/scene", "--overwrite"]),
     Case("prune-appearance", ["prune-appearance", "{}/run", "-o", "{}/pruned"]),
     Case("bench frames", ["bench", "frames", "{}/run", "--frame-repeat", "1"]),
-    Case("bench suite", ["bench", "suite", "densification", *TRAIN, "--appearances", "none", "-m", "{}/suite"], heavy=True),
+    Case(
+        "bench suite",
+        ["bench", "suite", "densification", *TRAIN, "--appearances", "none", "-m", "{}/suite"],
+        heavy=True,
+    ),
     Case("tradeoff", ["tradeoff", *TRAIN, "--axes", "iterations=2,3", "-m", "{}/tradeoff"], heavy=True),
 ]
 
@@ -97,16 +116,28 @@ class Suite:
         colmap.parent.mkdir()
         colmap.write_text(COLMAP)
         colmap.chmod(0o755)
-        self.environment = dict(os.environ, PATH=f"{colmap.parent}:{os.environ['PATH']}", GSAPP_FAULT_ROOT="",
-                                PHOTOGRAPH=str(self.template / "run/test/ours_4/gt/00000.png"),
-                                ASAN_OPTIONS="verify_asan_link_order=0:" + os.environ.get("ASAN_OPTIONS", ""))
+        self.environment = dict(
+            os.environ,
+            PATH=f"{colmap.parent}:{os.environ['PATH']}",
+            GSAPP_FAULT_ROOT="",
+            PHOTOGRAPH=str(self.template / "run/test/ours_4/gt/00000.png"),
+            ASAN_OPTIONS="verify_asan_link_order=0:" + os.environ.get("ASAN_OPTIONS", ""),
+        )
 
     def run(self, words, folder, faults=None):
         environment = dict(self.environment)
         if faults is not None:
             environment.update(LD_PRELOAD=self.library, GSAPP_FAULT_ROOT=str(folder), **faults)
-        return subprocess.run([self.gsapp] + [word.replace("{}", str(folder)) for word in words], env=environment, cwd=self.folder,
-                              stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=120)
+        return subprocess.run(
+            [self.gsapp] + [word.replace("{}", str(folder)) for word in words],
+            env=environment,
+            cwd=self.folder,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=120,
+        )
 
     def prepare(self):
         """What was there before: a run, and what the subcommands make of it."""
@@ -124,8 +155,8 @@ class Suite:
         return folder
 
     def calls(self, case):
-        """Returns what the subcommand calls, in order, as (kind, path), and the files it leaves. Of several processes the calls of the
-        longest."""
+        """Returns what the subcommand calls, in order, as (kind, path), and the files it leaves. Of several processes
+        the calls of the longest."""
         folder, report = self.copy("count"), self.folder / "report"
         done = self.run(case.words, folder, {"GSAPP_FAULT_AT": "0", "GSAPP_FAULT_REPORT": str(report)})
         check(done.returncode == 0, f"{case.name}: {done.stderr}")
@@ -148,11 +179,20 @@ class Suite:
         what = f"{case.name}, call {number} ({kind} {path}{', as on a full disk' if full else ''})"
         folder = self.copy(f"fail-{case.name.replace(' ', '-')}-{number}-{int(full)}")
         before = contents(folder)
-        done = self.run(case.words, folder, {"GSAPP_FAULT_AT": str(number), "GSAPP_FAULT_KEEP": str(int(full)),
-                                             "GSAPP_FAULT_ERROR": str(errno.ENOSPC if full else errno.EIO)})
+        done = self.run(
+            case.words,
+            folder,
+            {
+                "GSAPP_FAULT_AT": str(number),
+                "GSAPP_FAULT_KEEP": str(int(full)),
+                "GSAPP_FAULT_ERROR": str(errno.ENOSPC if full else errno.EIO),
+            },
+        )
         found = contents(folder)
         told = f"{what}: exit code {done.returncode}\n{done.stderr}"
-        excused = target in NO_RESULTS or (target == "train.jsonl" and kind == "write" and not full)  # written at the second try
+        excused = target in NO_RESULTS or (
+            target == "train.jsonl" and kind == "write" and not full
+        )  # written at the second try
         check(done.returncode == 3 or (excused and done.returncode == 0), told)
         # A full disk is met by another file than the first where that one is excused.
         unsaid = target == ".gsapp.lock" or (target == "gsapp.log" and (full or kind == "open"))  # which is tried again
@@ -165,31 +205,51 @@ class Suite:
             check(found == before, f"{what}: the earlier run is not whole")
         for file in sorted(set(before) | set(found)):
             if case.heavy:
-                check(not file.endswith(".json") or json.loads((folder / file).read_text()), f"{what}: {file} is damaged")
+                check(
+                    not file.endswith(".json") or json.loads((folder / file).read_text()), f"{what}: {file} is damaged"
+                )
             elif file not in found:
                 check(case.replaces, f"{what}: {file} is gone")
             elif file.endswith(".html"):  # holds times in units that depend on them
-                check(found[file] == before.get(file) or found[file].endswith(b"</html>\n"), f"{what}: {file} is damaged")
+                check(
+                    found[file] == before.get(file) or found[file].endswith(b"</html>\n"), f"{what}: {file} is damaged"
+                )
             elif file.endswith("results.json"):  # written several times
-                check(found[file].endswith(b"}\n") and json.loads((folder / file).read_text()), f"{what}: {file} is damaged")
+                check(
+                    found[file].endswith(b"}\n") and json.loads((folder / file).read_text()),
+                    f"{what}: {file} is damaged",
+                )
             elif file.endswith("train.jsonl"):  # grows line by line
                 kept = max(found[file].rfind(b"\n") + 1, 0)
-                check(any(other.get(file, b"").startswith(found[file][:kept]) for other in (before, after)), f"{what}: {file} is damaged")
+                check(
+                    any(other.get(file, b"").startswith(found[file][:kept]) for other in (before, after)),
+                    f"{what}: {file} is damaged",
+                )
             else:
-                check(found[file] in (before.get(file), after.get(file)), f"{what}: {file} is neither the old file nor the new one")
+                check(
+                    found[file] in (before.get(file), after.get(file)),
+                    f"{what}: {file} is neither the old file nor the new one",
+                )
         shutil.rmtree(folder)
 
     def chosen(self, calls):
-        """The faults to try: (number, as on a full disk). Without --all about four, of different kinds where there are."""
+        """The faults to try: (number, as on a full disk). Without --all about four, of different kinds where
+        there are."""
         # That a file which is thrown away, or is already in its place, cannot be closed is no loss.
-        numbers = [number for number, (kind, path) in enumerate(calls, 1) if kind != "close" or ("fsync", path) in calls[:number - 1]]
+        numbers = [
+            number
+            for number, (kind, path) in enumerate(calls, 1)
+            if kind != "close" or ("fsync", path) in calls[: number - 1]
+        ]
         if self.all:
             return [(number, full) for number in numbers for full in (False, True)]
         picked = {(1, True), (numbers[len(numbers) // 2], True)}
         kinds = {}
         for number in numbers:
             kind, path = calls[number - 1]
-            kinds.setdefault(kind + (" folder" if kind == "fsync" and not path.endswith(".tmp") else ""), []).append(number)
+            kinds.setdefault(kind + (" folder" if kind == "fsync" and not path.endswith(".tmp") else ""), []).append(
+                number
+            )
         self.turn = getattr(self, "turn", 0)
         for _ in range(2):  # each subcommand takes the next two kinds
             of_kind = kinds[sorted(kinds)[self.turn % len(kinds)]]
@@ -212,23 +272,48 @@ class Suite:
     def check_stdout(self):
         picture = str(self.template / "run/test/ours_4/gt/00000.png")
         run = str(self.template / "run")
-        commands = [["options"], ["--version"], ["--help"], ["train", "--help"], ["eval", "--skip-render", run], ["metrics", picture, picture,
-                    "--metrics", "psnr"], ["prune-appearance", run, "-o", str(self.folder / "pruned")],
-                    ["bench", "frames", run, "--frame-repeat", "1"], ["train", *TRAIN, "--json", "-m", str(self.folder / "printed")]]
+        commands = [
+            ["options"],
+            ["--version"],
+            ["--help"],
+            ["train", "--help"],
+            ["eval", "--skip-render", run],
+            ["metrics", picture, picture, "--metrics", "psnr"],
+            ["prune-appearance", run, "-o", str(self.folder / "pruned")],
+            ["bench", "frames", run, "--frame-repeat", "1"],
+            ["train", *TRAIN, "--json", "-m", str(self.folder / "printed")],
+        ]
         for words in commands:
             for to in (">/dev/full", ">&-"):
                 shutil.rmtree(self.folder / "pruned", ignore_errors=True)
                 shutil.rmtree(self.folder / "printed", ignore_errors=True)
-                done = subprocess.run(["sh", "-c", f'"$0" "$@" {to}', self.gsapp, *words], env=self.environment, cwd=self.folder,
-                                      stdin=subprocess.DEVNULL, capture_output=True, text=True)
-                check(done.returncode == 3 and "stdout" in done.stderr, f"{words} {to}: exit code {done.returncode}\n{done.stderr}")
-        check((self.folder / "printed/point_cloud/iteration_4/point_cloud.ply").exists(), "what is not printed is written nevertheless")
+                done = subprocess.run(
+                    ["sh", "-c", f'"$0" "$@" {to}', self.gsapp, *words],
+                    env=self.environment,
+                    cwd=self.folder,
+                    stdin=subprocess.DEVNULL,
+                    capture_output=True,
+                    text=True,
+                )
+                check(
+                    done.returncode == 3 and "stdout" in done.stderr,
+                    f"{words} {to}: exit code {done.returncode}\n{done.stderr}",
+                )
+        check(
+            (self.folder / "printed/point_cloud/iteration_4/point_cloud.ply").exists(),
+            "what is not printed is written nevertheless",
+        )
         # What prints nothing needs no stdout, and no file of it gets what belongs to stdout or stderr.
         words = ["export", run, "-o", str(self.folder / "closed"), "--format", "ply"]
-        done = subprocess.run(["sh", "-c", '"$0" "$@" >&- 2>&- <&-', self.gsapp, *words], env=self.environment, cwd=self.folder)
+        done = subprocess.run(
+            ["sh", "-c", '"$0" "$@" >&- 2>&- <&-', self.gsapp, *words], env=self.environment, cwd=self.folder
+        )
         check(done.returncode == 0, f"{words} with closed stdin, stdout and stderr: exit code {done.returncode}")
-        check((self.folder / "closed/point_cloud.ply").read_bytes() == (self.template / "files/point_cloud.ply").read_bytes(),
-              "something was printed into a file")
+        check(
+            (self.folder / "closed/point_cloud.ply").read_bytes()
+            == (self.template / "files/point_cloud.ply").read_bytes(),
+            "something was printed into a file",
+        )
         print("stdout on a full device, and closed: as it should be")
 
 
@@ -239,7 +324,9 @@ def main():
     parser.add_argument("--all", action="store_true")
     parser.add_argument("--only")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="gsapp-faults-") as name, concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+    with tempfile.TemporaryDirectory(prefix="gsapp-faults-") as name, concurrent.futures.ThreadPoolExecutor(
+        os.cpu_count()
+    ) as pool:
         suite = Suite(arguments, pathlib.Path(name).resolve())
         suite.prepare()
         for case in CASES:

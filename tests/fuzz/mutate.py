@@ -44,15 +44,24 @@ class Server:
     def __init__(self, program, seconds):
         self.seconds = seconds
         environment = dict(os.environ)
-        environment["ASAN_OPTIONS"] = (f"detect_leaks=0:exitcode={SANITIZED}:quarantine_size_mb=16:"
-                                       "max_allocation_size_mb=1024:allocator_may_return_null=0")
+        environment["ASAN_OPTIONS"] = (
+            f"detect_leaks=0:exitcode={SANITIZED}:quarantine_size_mb=16:"
+            "max_allocation_size_mb=1024:allocator_may_return_null=0"
+        )
         environment["UBSAN_OPTIONS"] = f"exitcode={SANITIZED}:print_stacktrace=1"
         symbolizer = shutil.which("llvm-symbolizer-16") or shutil.which("llvm-symbolizer")
         if symbolizer:
             environment["ASAN_SYMBOLIZER_PATH"] = os.path.realpath(symbolizer)
         environment.pop("GSAPP_METRIC_WEIGHTS", None)
-        self.process = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-                                        encoding="utf-8", errors="surrogateescape", env=environment)
+        self.process = subprocess.Popen(
+            [program],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            errors="surrogateescape",
+            env=environment,
+        )
 
     def run(self, folder, command):
         """Returns ("exit" | "signal", number, KiB, milliseconds, stderr)."""
@@ -80,17 +89,103 @@ class Kind:
 NUMBERS = """0 -0 -1 1 2147483647 2147483648 -2147483649 4294967296 9223372036854775807 9223372036854775808
 -9223372036854775809 18446744073709551616 99999999999999999999999 1e308 1e309 -1e309 1e-320 1e39 nan inf -inf NaN
 Infinity 0x10 1.5 1e5 1000000 65536 1_0""".split()
-WORDS = ["null", "true", "[]", "{}", '""', "''", "~", "[[]]", '{"a": 1}', r'"\u0000"', r'"\ud800"', "&a [*a]", "*a",
-         "!!binary x", "<<", "- ", ": ", "#", "\t", "\0", "\xff", "..", "/", "/dev/null", "a" * 300, "a/" * 3000,
-         "%s%n", "*?[a]", "\xe9"]
-INTEGERS = [0, 1, 2, 0x7f, 0xff, 0x7fff, 0xffff, 0x10000, 0x7fffffff, 0x80000000, 0xffffffff, 1 << 32, 1 << 40, 1 << 60,
-            (1 << 63) - 1, 1 << 63, (1 << 64) - 1, 22000, 1000000]
-FLOATS = [float("nan"), float("inf"), float("-inf"), 1e300, -1e300, 3.5e38, 1e38, -1e38, 1e-310, 1e-45, 0.0, -0.0, -1.0,
-          1e9, 1e19]
+WORDS = [
+    "null",
+    "true",
+    "[]",
+    "{}",
+    '""',
+    "''",
+    "~",
+    "[[]]",
+    '{"a": 1}',
+    r'"\u0000"',
+    r'"\ud800"',
+    "&a [*a]",
+    "*a",
+    "!!binary x",
+    "<<",
+    "- ",
+    ": ",
+    "#",
+    "\t",
+    "\0",
+    "\xff",
+    "..",
+    "/",
+    "/dev/null",
+    "a" * 300,
+    "a/" * 3000,
+    "%s%n",
+    "*?[a]",
+    "\xe9",
+]
+INTEGERS = [
+    0,
+    1,
+    2,
+    0x7F,
+    0xFF,
+    0x7FFF,
+    0xFFFF,
+    0x10000,
+    0x7FFFFFFF,
+    0x80000000,
+    0xFFFFFFFF,
+    1 << 32,
+    1 << 40,
+    1 << 60,
+    (1 << 63) - 1,
+    1 << 63,
+    (1 << 64) - 1,
+    22000,
+    1000000,
+]
+FLOATS = [
+    float("nan"),
+    float("inf"),
+    float("-inf"),
+    1e300,
+    -1e300,
+    3.5e38,
+    1e38,
+    -1e38,
+    1e-310,
+    1e-45,
+    0.0,
+    -0.0,
+    -1.0,
+    1e9,
+    1e19,
+]
 SINGLES = [f for f in FLOATS if not 3.4e38 < abs(f) < float("inf")]
-SIDES = [0, 1, 3, 15, 17, 65535, 65536, 22000, 100000, 0x7fffffff, 0xffffffff, 40, 4000]
-NODES = [None, True, False, "", "x", [], {}, 0, -1, 1.5, 2**31, 2**53, 2**63, 2**64, -2**63, 1e308, 1e-320,
-         float("nan"), float("inf"), "nan", "\0", "\xe9" * 200, [[[]]], {"a": {}}]
+SIDES = [0, 1, 3, 15, 17, 65535, 65536, 22000, 100000, 0x7FFFFFFF, 0xFFFFFFFF, 40, 4000]
+NODES = [
+    None,
+    True,
+    False,
+    "",
+    "x",
+    [],
+    {},
+    0,
+    -1,
+    1.5,
+    2**31,
+    2**53,
+    2**63,
+    2**64,
+    -(2**63),
+    1e308,
+    1e-320,
+    float("nan"),
+    float("inf"),
+    "nan",
+    "\0",
+    "\xe9" * 200,
+    [[[]]],
+    {"a": {}},
+]
 KEYS = ["", "ours_1", "ours_-1", "ours_99999999999999999999", "a" * 300, "\0"]
 
 
@@ -106,13 +201,13 @@ def damage_header_bytes(r, data):
     out = bytearray(data)
     for _ in range(r.choice([1, 2, 3])):
         if out:
-            out[r.randrange(min(len(out), 128))] = r.choice([0, 1, 0x7f, 0x80, 0xff, r.randrange(256)])
+            out[r.randrange(min(len(out), 128))] = r.choice([0, 1, 0x7F, 0x80, 0xFF, r.randrange(256)])
     return bytes(out)
 
 
 def truncate(r, data):
     size = len(data)
-    return data[:r.choice([0, 1, 4, r.randrange(size + 1), max(0, size - 1), max(0, size - r.randrange(1, 64))])]
+    return data[: r.choice([0, 1, 4, r.randrange(size + 1), max(0, size - 1), max(0, size - r.randrange(1, 64))])]
 
 
 def extend(r, data):
@@ -126,26 +221,29 @@ def damage_number_bytes(r, data):
         return damage_bits(r, data)
     for _ in range(r.choice([1, 1, 2])):
         order = r.choice("<<<>")
-        value = r.choice([
-            lambda: struct.pack(order + "Q", r.choice(INTEGERS)),
-            lambda: struct.pack(order + "I", r.choice(INTEGERS) & 0xffffffff),
-            lambda: struct.pack(order + "H", r.choice(INTEGERS) & 0xffff),
-            lambda: struct.pack(order + "d", r.choice(FLOATS)),
-            lambda: struct.pack(order + "f", r.choice(SINGLES))])()
+        value = r.choice(
+            [
+                lambda: struct.pack(order + "Q", r.choice(INTEGERS)),
+                lambda: struct.pack(order + "I", r.choice(INTEGERS) & 0xFFFFFFFF),
+                lambda: struct.pack(order + "H", r.choice(INTEGERS) & 0xFFFF),
+                lambda: struct.pack(order + "d", r.choice(FLOATS)),
+                lambda: struct.pack(order + "f", r.choice(SINGLES)),
+            ]
+        )()
         places = range(0, len(out) - len(value) + 1)
         at = r.choice([r.choice(places), min(places[-1], 4 * r.randrange(24)), 0])
-        out[at:at + len(value)] = value
+        out[at : at + len(value)] = value
     return bytes(out)
 
 
 def cut_piece(r, data):
     at = r.randrange(len(data) + 1)
-    return data[:at] + data[at + r.choice([1, 4, 8, 24, 100, 1000]):]
+    return data[:at] + data[at + r.choice([1, 4, 8, 24, 100, 1000]) :]
 
 
 def repeat_piece(r, data):
     at = r.randrange(len(data) + 1)
-    piece = data[at:at + r.choice([1, 4, 8, 24, 100, 1000])]
+    piece = data[at : at + r.choice([1, 4, 8, 24, 100, 1000])]
     return data[:at] + piece * r.choice([1, 2, 50]) + data[at:]
 
 
@@ -160,7 +258,7 @@ def damage_text_number(r, data):
     if not places:
         return damage_bits(r, data)
     for place in sorted(r.sample(places, min(len(places), r.choice([1, 1, 1, 3]))), key=lambda p: -p.start()):
-        data = data[:place.start()] + r.choice(NUMBERS).encode() + data[place.end():]
+        data = data[: place.start()] + r.choice(NUMBERS).encode() + data[place.end() :]
     return data
 
 
@@ -170,7 +268,7 @@ def damage_text_word(r, data):
         return damage_bits(r, data)
     place = r.choice(places)
     other = r.choice([r.choice(WORDS).encode("latin-1"), r.choice(places).group(), r.choice(NUMBERS).encode(), b""])
-    return data[:place.start()] + other + data[place.end():]
+    return data[: place.start()] + other + data[place.end() :]
 
 
 def damage_lines(r, data):
@@ -185,7 +283,7 @@ def damage_lines(r, data):
         elif what == 2:
             lines[at] = b"  " + lines[at]
         elif what == 3:
-            lines[at] = lines[at][:r.randrange(len(lines[at]) + 1)]
+            lines[at] = lines[at][: r.randrange(len(lines[at]) + 1)]
         else:
             lines[at] += b" " + r.choice(WORDS + NUMBERS).encode("latin-1")
         if not lines:
@@ -202,7 +300,7 @@ def damage_json(r, data):
     nodes = []
 
     def walk(node):
-        for key in (list(node) if isinstance(node, dict) else range(len(node))):
+        for key in list(node) if isinstance(node, dict) else range(len(node)):
             nodes.append((node, key))
             if isinstance(node[key], (dict, list)):
                 walk(node[key])
@@ -233,7 +331,7 @@ def damage_json(r, data):
     try:
         return json.dumps(tree).encode()
     except ValueError:  # a node that holds itself
-        return data[:len(data) // 2] + data
+        return data[: len(data) // 2] + data
 
 
 def damage_image_size(r, data):
@@ -243,38 +341,38 @@ def damage_image_size(r, data):
         size[r.randrange(2)] = r.choice([12, 16])
     out = bytearray(data)
     if data.startswith(b"\x89PNG"):
-        out[16:24] = struct.pack(">II", *(s & 0xffffffff for s in size))
+        out[16:24] = struct.pack(">II", *(s & 0xFFFFFFFF for s in size))
         out[24:29] = bytes(r.choice([out[24 + k], out[24 + k], r.choice([0, 1, 2, 3, 4, 6, 8, 16])]) for k in range(5))
         out[29:33] = struct.pack(">I", zlib.crc32(bytes(out[12:29])))
     elif data.startswith(b"\xff\xd8"):
-        at = next((i for i in range(2, len(out) - 9) if out[i] == 0xff and out[i + 1] in (0xc0, 0xc1, 0xc2)), None)
+        at = next((i for i in range(2, len(out) - 9) if out[i] == 0xFF and out[i + 1] in (0xC0, 0xC1, 0xC2)), None)
         if at:
-            out[at + 5:at + 9] = struct.pack(">HH", *(s & 0xffff for s in size))
+            out[at + 5 : at + 9] = struct.pack(">HH", *(s & 0xFFFF for s in size))
             if r.random() < 0.3:
-                out[at + 1] = r.choice([0xc0, 0xc1, 0xc2, 0xc3])
+                out[at + 1] = r.choice([0xC0, 0xC1, 0xC2, 0xC3])
     elif data.startswith(b"BM"):
-        out[18:26] = struct.pack("<II", *(s & 0xffffffff for s in size))
+        out[18:26] = struct.pack("<II", *(s & 0xFFFFFFFF for s in size))
         if r.random() < 0.3:
             out[28:34] = struct.pack("<HI", r.choice([1, 4, 8, 16, 24, 32, 0, 5]), r.choice([0, 1, 2, 3, 4]))
     elif data[:2] in (b"II", b"MM"):  # width and height are the tags 256 and 257
         order = "<" if data[:2] == b"II" else ">"
         start = struct.unpack(order + "I", data[4:8])[0]
         if start + 2 <= len(data):
-            for entry in range(struct.unpack(order + "H", data[start:start + 2])[0]):
+            for entry in range(struct.unpack(order + "H", data[start : start + 2])[0]):
                 at = start + 2 + 12 * entry
                 if at + 12 > len(out):
                     break
-                tag = struct.unpack(order + "H", data[at:at + 2])[0]
+                tag = struct.unpack(order + "H", data[at : at + 2])[0]
                 if tag in (256, 257):
-                    out[at + 2:at + 12] = struct.pack(order + "HII", 4, 1, size[tag - 256] & 0xffffffff)
+                    out[at + 2 : at + 12] = struct.pack(order + "HII", 4, 1, size[tag - 256] & 0xFFFFFFFF)
                 elif r.random() < 0.05:
-                    out[at + 8:at + 12] = struct.pack(order + "I", r.choice(INTEGERS) & 0xffffffff)
+                    out[at + 8 : at + 12] = struct.pack(order + "I", r.choice(INTEGERS) & 0xFFFFFFFF)
     elif data.startswith(b"\x76\x2f\x31\x01"):
         for name in (b"dataWindow\0box2i\0", b"displayWindow\0box2i\0"):
             at = data.find(name)
             if at >= 0 and r.random() < 0.7:
                 at += len(name) + 4
-                out[at:at + 16] = struct.pack("<iiii", 0, 0, *((s - 1) & 0x7fffffff for s in size))
+                out[at : at + 16] = struct.pack("<iiii", 0, 0, *((s - 1) & 0x7FFFFFFF for s in size))
     else:
         return damage_header_bytes(r, data)
     return bytes(out)
@@ -282,8 +380,17 @@ def damage_image_size(r, data):
 
 IMAGES = (".png", ".jpg", ".tif", ".exr", ".webp", ".bmp")
 ANY = [damage_bits, truncate, extend, damage_number_bytes, cut_piece, repeat_piece]
-TEXT = [damage_text_number, damage_text_number, damage_text_word, damage_lines, insert_text, truncate, cut_piece,
-        repeat_piece, damage_bits]
+TEXT = [
+    damage_text_number,
+    damage_text_number,
+    damage_text_word,
+    damage_lines,
+    insert_text,
+    truncate,
+    cut_piece,
+    repeat_piece,
+    damage_bits,
+]
 
 
 def damage(r, name, data, others):
@@ -295,7 +402,7 @@ def damage(r, name, data, others):
         return r.choice(others)  # another file's content
     if chance < 0.10:
         other = r.choice(others)
-        return data[:r.randrange(len(data) + 1)] + other[r.randrange(len(other) + 1):]
+        return data[: r.randrange(len(data) + 1)] + other[r.randrange(len(other) + 1) :]
     if name.endswith(IMAGES):
         how = r.choice(ANY + [damage_header_bytes] * 3 + [damage_image_size] * 4)
     elif name.endswith(".json"):
@@ -312,6 +419,7 @@ def damage(r, name, data, others):
 
 # ---------------------------------------------------------------- valid inputs
 
+
 def read_tree(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
@@ -325,6 +433,7 @@ def write_tree(folder, files):
 
 def valid_inputs(seeds, make):
     """Returns all kinds. `make(files, commands)` runs commands in a folder of these files and returns what is there."""
+
     def seed(name, number=0):
         return (seeds / name / f"seed{number}").read_bytes()
 
@@ -333,12 +442,24 @@ def valid_inputs(seeds, make):
     binary = {f"scene/sparse/0/{part}.bin": seed(f"colmap_{part}.bin") for part in ("cameras", "images", "points3D")}
     text = {f"scene/sparse/0/{part}.txt": seed(f"colmap_{part}.txt") for part in ("cameras", "images", "points3D")}
     colmap = {**photos, **binary}
+
     def pose(k):
         return [[1, 0, 0, 0.1 * k], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
 
-    transforms = {"fl_x": 20, "fl_y": 20, "cx": 8, "cy": 6, "w": 16, "h": 12, "k1": -0.1, "k2": 0.01,
-                  "camera_model": "OPENCV", "ply_file_path": "points.ply", "test_filenames": ["images/c"],
-                  "frames": [{"file_path": f"images/{n}", "transform_matrix": pose(k)} for k, n in enumerate("abc")]}
+    transforms = {
+        "fl_x": 20,
+        "fl_y": 20,
+        "cx": 8,
+        "cy": 6,
+        "w": 16,
+        "h": 12,
+        "k1": -0.1,
+        "k2": 0.01,
+        "camera_model": "OPENCV",
+        "ply_file_path": "points.ply",
+        "test_filenames": ["images/c"],
+        "frames": [{"file_path": f"images/{n}", "transform_matrix": pose(k)} for k, n in enumerate("abc")],
+    }
     blender = {}
     for split in ("train", "test"):
         views = [{"file_path": f"./{split}/r_{k}", "rotation": 0.1, "transform_matrix": pose(k)} for k in range(3)]
@@ -356,37 +477,61 @@ violations:
     kinds = [
         Kind("colmap", colmap, [(few, binary)]),
         Kind("colmap_text", {**photos, **text}, [(few, text)]),
-        Kind("transforms",
-             {**photos, "scene/transforms.json": json.dumps(transforms).encode(),
-              "scene/points.ply": seed("points.ply")},
-             [(few, ["scene/transforms.json", "scene/transforms.json", "scene/points.ply"])]),
+        Kind(
+            "transforms",
+            {
+                **photos,
+                "scene/transforms.json": json.dumps(transforms).encode(),
+                "scene/points.ply": seed("points.ply"),
+            },
+            [(few, ["scene/transforms.json", "scene/transforms.json", "scene/points.ply"])],
+        ),
         Kind("blender", blender, [(few + " --init-points 20", [n for n in blender if n.endswith(".json")])]),
     ]
-    pictures = {"scene/images/a.png": png, "scene/images/b.jpg": seed("image.jpg"),
-                "scene/images/c.tif": seed("image.tif")}
-    others = {"scene/images/a.exr": seed("image.exr"), "scene/images/b.webp": seed("image.webp"),
-              "scene/images/c.bmp": seed("image.bmp")}
+    pictures = {
+        "scene/images/a.png": png,
+        "scene/images/b.jpg": seed("image.jpg"),
+        "scene/images/c.tif": seed("image.tif"),
+    }
+    others = {
+        "scene/images/a.exr": seed("image.exr"),
+        "scene/images/b.webp": seed("image.webp"),
+        "scene/images/c.bmp": seed("image.bmp"),
+    }
     exif = " --ppisp on --ppisp-exif --controller-iterations 0"
     kinds += [
         Kind("images", {**binary, **pictures}, [(few, pictures), (few + exif, pictures)]),
         Kind("images_2", {**binary, **others}, [(few, others)]),
-        Kind("masks", {**colmap, "scene/masks/a.png": png, "scene/masks/b.png.png": rgba},
-             [(few, ["scene/masks/a.png", "scene/masks/b.png.png"]),
-              (few + " --mask-mode transparent", ["scene/masks/a.png"])]),
-        Kind("two_images",
-             {"a.png": png, "b.png": rgba, **{f"c.{form}": seed(f"image.{form}") for form in ("jpg", "exr", "tif")}},
-             [(f"metrics {a} b.png", [a]) for a in ("a.png", "c.jpg", "c.exr", "c.tif")]),
-        Kind("test_list", {**colmap, "list.txt": b"# held out\nb.png\n\nc\n"},
-             [(few + " --test-list list.txt", ["list.txt"])]),
+        Kind(
+            "masks",
+            {**colmap, "scene/masks/a.png": png, "scene/masks/b.png.png": rgba},
+            [
+                (few, ["scene/masks/a.png", "scene/masks/b.png.png"]),
+                (few + " --mask-mode transparent", ["scene/masks/a.png"]),
+            ],
+        ),
+        Kind(
+            "two_images",
+            {"a.png": png, "b.png": rgba, **{f"c.{form}": seed(f"image.{form}") for form in ("jpg", "exr", "tif")}},
+            [(f"metrics {a} b.png", [a]) for a in ("a.png", "c.jpg", "c.exr", "c.tif")],
+        ),
+        Kind(
+            "test_list",
+            {**colmap, "list.txt": b"# held out\nb.png\n\nc\n"},
+            [(few + " --test-list list.txt", ["list.txt"])],
+        ),
         Kind("builtin", {"scene.yaml": builtin}, [(few.replace("-s scene", "-s builtin:scene.yaml"), ["scene.yaml"])]),
     ]
     run = make(colmap, [TRAIN + " --checkpoint-iterations 1 --save-iterations 1 --test-iterations 1"])
     corrected = make(colmap, [TRAIN + " --ppisp on --controller-iterations 0"])
-    config = {"config.yaml": b"parent: parent.yaml\n" + run["out/config.yaml"],
-              "parent.yaml": b"sh-degree: 2\nlambda-dssim: 0.3\n"}
+    config = {
+        "config.yaml": b"parent: parent.yaml\n" + run["out/config.yaml"],
+        "parent.yaml": b"sh-degree: 2\nlambda-dssim: 0.3\n",
+    }
     kinds.append(Kind("config", {**colmap, **config}, [(few + " --config config.yaml", list(config))]))
-    run["out/auto.json"] = json.dumps({"model": "sh", "lines": ["because"], "explained": {"direction": 0.5},
-                                       "trials": [], "seconds": 1.5}).encode()
+    run["out/auto.json"] = json.dumps(
+        {"model": "sh", "lines": ["because"], "explained": {"direction": 0.5}, "trials": [], "seconds": 1.5}
+    ).encode()
 
     def named(ending):
         return [n for n in run if n.startswith("out/") and n.endswith(ending)]
@@ -395,28 +540,49 @@ violations:
     model, checkpoint = named("iteration_2/point_cloud.ply"), named("iteration_2.safetensors")
     plan, results, ppisp = ["out/config.yaml"], ["out/results.json", "out/per_view.json"], ["out/ppisp.json"]
     kinds += [
-        Kind("run", run, [
-            ("eval out", plan + model * 3 + results + ["out/auto.json"]),
-            ("eval out --skip-render --html page.html", plan + results + named(".png")),
-            ("render out --views all", plan + model),
-            ("render out --path out/cameras.json", ["out/cameras.json"]),
-            ("export out -o site.ply --format ply", model),
-            ("export out -o site.splat --format splat", model),
-            ("export out -o site", model + plan),
-            ("bench frames out --frame-repeat 1", plan + model + results),
-            ("prune-appearance out -o pruned", plan + model)]),
-        Kind("two_runs", pair, [(f"eval out two --skip-render --format {form}", plan + results * 2)
-                                for form in ("markdown", "csv", "latex", "json")]),
-        Kind("resume", run, [("train -m out --resume latest --iterations 3",
-                              plan + checkpoint * 4 + named(".jsonl") * 2 + results)]),
-        Kind("ppisp", corrected, [
-            ("eval out", ppisp), ("export out -o site", ppisp),
-            (few.replace("out", "two") + " --ppisp-from out/ppisp.json --controller-iterations 0", ppisp)]),
+        Kind(
+            "run",
+            run,
+            [
+                ("eval out", plan + model * 3 + results + ["out/auto.json"]),
+                ("eval out --skip-render --html page.html", plan + results + named(".png")),
+                ("render out --views all", plan + model),
+                ("render out --path out/cameras.json", ["out/cameras.json"]),
+                ("export out -o site.ply --format ply", model),
+                ("export out -o site.splat --format splat", model),
+                ("export out -o site", model + plan),
+                ("bench frames out --frame-repeat 1", plan + model + results),
+                ("prune-appearance out -o pruned", plan + model),
+            ],
+        ),
+        Kind(
+            "two_runs",
+            pair,
+            [
+                (f"eval out two --skip-render --format {form}", plan + results * 2)
+                for form in ("markdown", "csv", "latex", "json")
+            ],
+        ),
+        Kind(
+            "resume",
+            run,
+            [("train -m out --resume latest --iterations 3", plan + checkpoint * 4 + named(".jsonl") * 2 + results)],
+        ),
+        Kind(
+            "ppisp",
+            corrected,
+            [
+                ("eval out", ppisp),
+                ("export out -o site", ppisp),
+                (few.replace("out", "two") + " --ppisp-from out/ppisp.json --controller-iterations 0", ppisp),
+            ],
+        ),
     ]
     return kinds
 
 
 # ---------------------------------------------------------------- trials
+
 
 def judge(outcome, folder, damaged):
     """Returns the finding's name, or "", and whether the message names the damaged file."""
@@ -436,8 +602,9 @@ def judge(outcome, folder, damaged):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/fuzz",
-                        help="folder with bin/gsapp_server and bin/fuzz")
+    parser.add_argument(
+        "--build", type=pathlib.Path, default=ROOT / "build/fuzz", help="folder with bin/gsapp_server and bin/fuzz"
+    )
     parser.add_argument("--count", type=int, default=10000, help="number of trials")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="number of the first trial")
@@ -471,8 +638,11 @@ def run(arguments, keep, top):
                 sys.exit(f"{command}: valid input ended with {outcome}")
         return read_tree(work)
 
-    subprocess.run([arguments.build / "bin/fuzz", f"--seeds={top / 'seeds'}"], check=True,
-                   env={**os.environ, "TMPDIR": str(top), "ASAN_OPTIONS": "detect_leaks=0"})
+    subprocess.run(
+        [arguments.build / "bin/fuzz", f"--seeds={top / 'seeds'}"],
+        check=True,
+        env={**os.environ, "TMPDIR": str(top), "ASAN_OPTIONS": "detect_leaks=0"},
+    )
     kinds = valid_inputs(top / "seeds", make)
     if arguments.kinds:
         chosen = arguments.kinds.split(",")
@@ -531,10 +701,15 @@ def run(arguments, keep, top):
     print(f"{'kind':14}" + "".join(f"{ending:>10}" for ending in endings))
     for name, row in table.items():
         print(f"{name:14}" + "".join(f"{row[ending]:10}" for ending in endings))
-    print(f"{done} inputs; most memory {most_memory[0] / 1024:.0f} MiB ({most_memory[1]}), "
-          f"longest {longest[0] / 1000:.1f} s ({longest[1]})")
-    print("findings: " + (", ".join(f"{name} {n}" for name, n in sorted(totals.items()) if name != "unnamed") or "none")
-          + f"; messages that do not name the file: {totals['unnamed']}")
+    print(
+        f"{done} inputs; most memory {most_memory[0] / 1024:.0f} MiB ({most_memory[1]}), "
+        f"longest {longest[0] / 1000:.1f} s ({longest[1]})"
+    )
+    print(
+        "findings: "
+        + (", ".join(f"{name} {n}" for name, n in sorted(totals.items()) if name != "unnamed") or "none")
+        + f"; messages that do not name the file: {totals['unnamed']}"
+    )
     return 1 if any(n for name, n in totals.items() if name != "unnamed") else 0
 
 

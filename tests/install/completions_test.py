@@ -27,7 +27,9 @@ CASES = [
 
 def output(*command, **options):
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=60, **options)
-    assert done.returncode == 0 and not done.stderr, f"{command[0]}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
+    assert (
+        done.returncode == 0 and not done.stderr
+    ), f"{command[0]}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout
 
 
@@ -39,7 +41,10 @@ def check(shell, words, offered, wanted, unwanted):
 def test_bash(file, folder):
     output("bash", "-n", file)
     # The last case is as readline gives it: --format=w is three words.
-    for words, wanted, unwanted in CASES + [(["export", "--format", "=", "w"], {"web"}, {"ply"}), (["export", "--format", "="], {"web", "ply"}, {"="})]:
+    for words, wanted, unwanted in CASES + [
+        (["export", "--format", "=", "w"], {"web"}, {"ply"}),
+        (["export", "--format", "="], {"web", "ply"}, {"="}),
+    ]:
         script = 'source "$1"; shift; COMP_WORDS=(gsapp "$@"); COMP_CWORD=$#; _gsapp; printf "%s\\n" "${COMPREPLY[@]}"'
         offered = set(output("bash", "--norc", "-c", script, "bash", file, *words, cwd=folder).splitlines())
         check("bash", words, offered, wanted, unwanted)
@@ -49,13 +54,16 @@ def test_fish(file, folder):
     output("fish", "--no-execute", file)
     for words, wanted, unwanted in CASES:
         line = " ".join(["gsapp", *words])
-        lines = output("fish", "--no-config", "-c", 'source $argv[1]; complete -C $argv[2]', file, line, cwd=folder).splitlines()
+        lines = output(
+            "fish", "--no-config", "-c", "source $argv[1]; complete -C $argv[2]", file, line, cwd=folder
+        ).splitlines()
         offered = {one.split("\t")[0].rstrip("/").replace("\\ ", " ") for one in lines}
         check("fish", words, offered, wanted, unwanted)
 
 
 def test_zsh(file, folder):
-    """zsh completes only in its editor, so a second zsh on a pseudo-terminal is typed into. There gsapp prints its words."""
+    """zsh completes only in its editor, so a second zsh on a pseudo-terminal is typed into. There gsapp prints its
+    words."""
     output("zsh", "-n", file)
     script = """
 zmodload zsh/zpty
@@ -66,8 +74,13 @@ zpty -n -w shell "gsapp $3"$'\\t\\n'
 while zpty -r shell line; do [[ $line == *got*end* ]] && break; done
 print -r -- $line
 """
-    for words, wanted in (("export --format pl", "export --format ply"), ("bench frames --appearan", "bench frames --appearance"),
-                          ("prep", "prepare"), ("train --strategy mc", "train --strategy mcmc"), ("view a", "view a scene")):
+    for words, wanted in (
+        ("export --format pl", "export --format ply"),
+        ("bench frames --appearan", "bench frames --appearance"),
+        ("prep", "prepare"),
+        ("train --strategy mc", "train --strategy mcmc"),
+        ("view a", "view a scene"),
+    ):
         shown = output("zsh", "-f", "-c", script, "zsh", file, folder, words)
         assert f"got {wanted} end" in shown, f"zsh: 'gsapp {words}' becomes {shown!r}"
 
@@ -80,7 +93,11 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         (folder / "work/a scene").mkdir(parents=True)
-        for shell, file_name, test in (("bash", "gsapp", test_bash), ("zsh", "_gsapp", test_zsh), ("fish", "gsapp.fish", test_fish)):
+        for shell, file_name, test in (
+            ("bash", "gsapp", test_bash),
+            ("zsh", "_gsapp", test_zsh),
+            ("fish", "gsapp.fish", test_fish),
+        ):
             if not shutil.which(shell):
                 print(f"no {shell}: its completion is not tested")
                 continue

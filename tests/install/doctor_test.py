@@ -16,7 +16,9 @@ PROGRAMS = {"colmap": "colmap", "ffmpeg": "ffmpeg", "Chromium": "chromium-browse
 
 def doctor(gsapp, *arguments, **variables):
     environment = {key: value for key, value in os.environ.items() if key not in ("PATH", "GSAPP_METRIC_WEIGHTS")}
-    done = subprocess.run([gsapp, *arguments], env={**environment, **variables}, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [gsapp, *arguments], env={**environment, **variables}, capture_output=True, text=True, timeout=60
+    )
     assert done.returncode == 0, f"exit code {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout
 
@@ -36,14 +38,18 @@ def main():
         (folder / "weights/vgg16.safetensors").write_text("")
         (folder / "empty").mkdir()
 
-        nothing = doctor(gsapp, "doctor", "--json", PATH=str(folder / "empty"), GSAPP_METRIC_WEIGHTS=str(folder / "nowhere"))
+        nothing = doctor(
+            gsapp, "doctor", "--json", PATH=str(folder / "empty"), GSAPP_METRIC_WEIGHTS=str(folder / "nowhere")
+        )
         for missing in [*PROGRAMS, "metric weights"]:
             one = findings(nothing)[missing]
             assert one["is_there"] is False and one["needed_for"] and one["get"] and "found" not in one, one
         text = doctor(gsapp, "doctor", PATH="")
         assert "apt-get install colmap" in text and "gsapp itself works" in text, text
 
-        everything = doctor(gsapp, "doctor", "--json", PATH=f"{folder / 'empty'}:{folder}", GSAPP_METRIC_WEIGHTS=str(folder / "weights"))
+        everything = doctor(
+            gsapp, "doctor", "--json", PATH=f"{folder / 'empty'}:{folder}", GSAPP_METRIC_WEIGHTS=str(folder / "weights")
+        )
         for there, file in PROGRAMS.items():
             one = findings(everything)[there]
             assert one == {"name": there, "is_there": True, "found": str(folder / file)}, one
@@ -52,7 +58,9 @@ def main():
         assert no_nccl["is_there"] is False and no_nccl["needed_for"] and "libnccl" in no_nccl["get"], no_nccl
         assert "- colmap" not in doctor(gsapp, "doctor", PATH=str(folder))
         (folder / "colmap").chmod(0o644)
-        assert findings(doctor(gsapp, "doctor", "--json", PATH=str(folder)))["colmap"]["is_there"] is False, "not executable"
+        assert (
+            findings(doctor(gsapp, "doctor", "--json", PATH=str(folder)))["colmap"]["is_there"] is False
+        ), "not executable"
 
         version = json.loads(doctor(gsapp, "--version", "--json"))
         assert json.loads(everything)["gsapp"] == version

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Formats the manual page with all of groff's warnings, and looks for every command that --help shows. Exit status 77: no groff.
+"""Formats the manual page with all of groff's warnings, and looks for every command that --help shows. Exit status 77:
+no groff.
 
 usage: manual_test.py GSAPP
 """
@@ -30,9 +31,15 @@ def main():
     for command in commands:
         assert re.search(rf"^   {command}$", shown.stdout, re.MULTILINE), f"no section about {command}"
     text = re.sub(r"\s+", " ", shown.stdout)
-    for words in ("--iterations INTEGER", "length of the training (1..2147483647 iterations); default: 30000", "-m, -o, --output, --model",
-                  "3 input that is missing or damaged", "bench frames", "gsapp export [OPTIONS] runs ... -o DIR",
-                  "needs no scene (0..1000000000)"):
+    for words in (
+        "--iterations INTEGER",
+        "length of the training (1..2147483647 iterations); default: 30000",
+        "-m, -o, --output, --model",
+        "3 input that is missing or damaged",
+        "bench frames",
+        "gsapp export [OPTIONS] runs ... -o DIR",
+        "needs no scene (0..1000000000)",
+    ):
         assert words in text, words
     assert text.count("length of the training") == 1, "options of a training stand once"
     print(f"{len(commands)} commands described: good")

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Installs a build into a fresh folder, moves it, and trains, exports and views from there. Then the program alone, without its folder
-share, must say that it has no viewer: so no path of the build machine is in it. Exit status 77: the viewer is not built.
+"""Installs a build into a fresh folder, moves it, and trains, exports and views from there. Then the program alone,
+without its folder share, must say that it has no viewer: so no path of the build machine is in it. Exit status 77: the
+viewer is not built.
 
 usage: moved_test.py BUILD
 """
@@ -15,9 +16,18 @@ import sys
 import tempfile
 import urllib.request
 
-EXPECTED = ("bin/gsapp", "share/man/man1/gsapp.1", "share/bash-completion/completions/gsapp", "share/zsh/site-functions/_gsapp",
-            "share/fish/vendor_completions.d/gsapp.fish", "share/doc/gsapp/LICENSE", "share/doc/gsapp/README.md", "share/doc/gsapp/docs/guide.md",
-            "share/gsapp/scenes/mipnerf360/bonsai.yaml", "share/gsapp/scripts/download")
+EXPECTED = (
+    "bin/gsapp",
+    "share/man/man1/gsapp.1",
+    "share/bash-completion/completions/gsapp",
+    "share/zsh/site-functions/_gsapp",
+    "share/fish/vendor_completions.d/gsapp.fish",
+    "share/doc/gsapp/LICENSE",
+    "share/doc/gsapp/README.md",
+    "share/doc/gsapp/docs/guide.md",
+    "share/gsapp/scenes/mipnerf360/bonsai.yaml",
+    "share/gsapp/scripts/download",
+)
 
 
 def run(*command, **options):
@@ -28,7 +38,9 @@ def run(*command, **options):
 
 def answer(gsapp, folder, path=""):
     """Serves a folder with the program, and returns what its address answers."""
-    server = subprocess.Popen([str(gsapp), "view", str(folder), "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    server = subprocess.Popen(
+        [str(gsapp), "view", str(folder), "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
     try:
         address = server.stdout.readline().strip()
         assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\S*", address), f"gsapp view printed '{address}'"
@@ -51,7 +63,18 @@ def main():
         gsapp = prefix / "bin/gsapp"
         small = ["--iterations", "2", "-r", "8", "--device", "cpu"]
         run(gsapp, "train", "-s", "builtin:diffuse", "-m", "run", *small, cwd=folder)
-        run(gsapp, "train", "-c", prefix / "share/gsapp/scenes/base.yaml", "-s", "builtin:diffuse", "-m", "with file", *small, cwd=folder)
+        run(
+            gsapp,
+            "train",
+            "-c",
+            prefix / "share/gsapp/scenes/base.yaml",
+            "-s",
+            "builtin:diffuse",
+            "-m",
+            "with file",
+            *small,
+            cwd=folder,
+        )
         assert "usage" in run(prefix / "share/gsapp/scripts/download", "--help").stdout
 
         alone = folder / "alone/bin/gsapp"

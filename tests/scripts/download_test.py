@@ -27,6 +27,7 @@ ROOM = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 def write_archive(path, scenes, leave_out=()):
     """The scenes' files, of a few bytes each, and files that archives hold besides; without those in `leave_out`."""
     with zipfile.ZipFile(path, "w") as archive:
+
         def add(name, text):
             if name not in leave_out and not any(name.startswith(folder + "/") for folder in leave_out):
                 archive.writestr(name, text)
@@ -114,7 +115,13 @@ class Download(unittest.TestCase):
         if sums:
             command[1:1] = ["--checksums", self.sums]
         url = f"http://127.0.0.1:{self.server.server_port}"
-        done = subprocess.run(command, env={**os.environ, "GSAPP_DATA_URL": url, "no_proxy": "*"}, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(
+            command,
+            env={**os.environ, "GSAPP_DATA_URL": url, "no_proxy": "*"},
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
         self.output = done.stdout + done.stderr
         return done.returncode
 
@@ -189,7 +196,8 @@ class Download(unittest.TestCase):
         self.assert_only_left(TANDT + ".bad")
 
     def test_a_file_of_the_table_without_a_sum_is_tested_as_an_archive(self):
-        # The table knows the size of this one, so that a sparse file of that size comes as far as the archive's own sums.
+        # The table knows the size of this one, so that a sparse file of that size comes as far as the archive's own
+        # sums.
         self.data.mkdir()
         archive = self.data / "360_extra_scenes.zip"
         archive.touch()
@@ -212,9 +220,11 @@ class Download(unittest.TestCase):
 
     def test_missing_scenes_and_images_are_refused(self):
         scenes = [s for s in SCENES if s[1] == TANDT]
-        for gone, message in (("db/playroom", "has no folder db/playroom"),
-                              ("db/playroom/images/r_3.png", "db/playroom/images holds 224 images, not 225"),
-                              ("db/playroom/sparse/0/points3D.bin", "db/playroom/sparse/0/points3D.bin is missing or empty")):
+        for gone, message in (
+            ("db/playroom", "has no folder db/playroom"),
+            ("db/playroom/images/r_3.png", "db/playroom/images holds 224 images, not 225"),
+            ("db/playroom/sparse/0/points3D.bin", "db/playroom/sparse/0/points3D.bin is missing or empty"),
+        ):
             with self.subTest(gone):
                 write_archive(self.served / TANDT, scenes, leave_out=(gone,))
                 self.write_sums()

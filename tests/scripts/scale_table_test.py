@@ -15,7 +15,27 @@ failed = 0
 with tempfile.TemporaryDirectory() as folder:
     for scene, strategy in (("lego", "mcmc"), ("bonsai", "adc")):
         failed |= subprocess.run(
-            [sys.executable, source / "scripts" / "lab" / "scale_table.py", program, data / scene, "-o", folder,
-             "--strategies", strategy, "--scales", "1e-6", "1e3", "--iterations", "60", "--",
-             "--device", "cpu", "--init-points", "3000", "--cap-max", "6000"]).returncode
+            [
+                sys.executable,
+                source / "scripts" / "lab" / "scale_table.py",
+                program,
+                data / scene,
+                "-o",
+                folder,
+                "--strategies",
+                strategy,
+                "--scales",
+                "1e-6",
+                "1e3",
+                "--iterations",
+                "60",
+                "--",
+                "--device",
+                "cpu",
+                "--init-points",
+                "3000",
+                "--cap-max",
+                "6000",
+            ]
+        ).returncode
 sys.exit(failed)

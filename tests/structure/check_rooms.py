@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks every #include against the table of rooms in docs/architecture.md.
 
-A room is a folder, or a single header of kernels/. A file may include its own room, the rooms in its row of the table, and
-whatever those may include. Usage: check_rooms.py ROOT
+A room is a folder, or a single header of kernels/. A file may include its own room, the rooms in its row of the table,
+and whatever those may include. Usage: check_rooms.py ROOT
 """
 import re
 import sys

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the event files of gsapp train --tensorboard back: with an own reader, and with TensorBoard's where it is installed.
+"""Reads the event files of gsapp train --tensorboard back: with an own reader, and with TensorBoard's where it is
+installed.
 
 Usage: tensorboard_test.py GSAPP LIBRARY, the library of tests/faults/failing_writes.cpp."""
 
@@ -37,10 +38,10 @@ def records(path):
     while data:
         length, check = struct.unpack("<QI", data[:12])
         assert masked(data[:8]) == check, "checksum of a length"
-        body, (check,) = data[12:12 + length], struct.unpack("<I", data[12 + length:16 + length])
+        body, (check,) = data[12 : 12 + length], struct.unpack("<I", data[12 + length : 16 + length])
         assert len(body) == length and masked(body) == check, "checksum of a record"
         yield body
-        data = data[16 + length:]
+        data = data[16 + length :]
 
 
 def varint(data, at):
@@ -66,14 +67,15 @@ def fields(data):
         else:
             assert key & 7 == 2, f"wire type {key & 7}"
             size, at = varint(data, at)
-            value, at = data[at:at + size], at + size
+            value, at = data[at : at + size], at + size
             assert len(value) == size
         out.setdefault(key >> 3, []).append(value)
     return out
 
 
 def read(path):
-    """Returns the scalars {tag: {step: value}}, pictures {tag: {step: (width, height, bytes)}}, and steps of restarts."""
+    """Returns the scalars {tag: {step: value}}, pictures {tag: {step: (width, height, bytes)}}, and steps of
+    restarts."""
     scalars, pictures, restarts = {}, {}, []
     for index, record in enumerate(records(path)):
         event = fields(record)
@@ -98,8 +100,9 @@ def read(path):
 
 
 def train(folder, *arguments, **environment):
-    return subprocess.run([GSAPP, *TRAIN, *arguments], cwd=folder, capture_output=True, text=True,
-                          env={**os.environ, **environment})
+    return subprocess.run(
+        [GSAPP, *TRAIN, *arguments], cwd=folder, capture_output=True, text=True, env={**os.environ, **environment}
+    )
 
 
 def event_files(folder):
@@ -109,15 +112,32 @@ def event_files(folder):
 def check_course(folder):
     """A run, and the part that follows a resume."""
     board = folder / "board"
-    result = train(folder, "-m", "run", "--iterations", "250", "--test-iterations", "100", "--checkpoint-iterations",
-                   "200", "--tensorboard", "board", "--appearance", "sv")
+    result = train(
+        folder,
+        "-m",
+        "run",
+        "--iterations",
+        "250",
+        "--test-iterations",
+        "100",
+        "--checkpoint-iterations",
+        "200",
+        "--tensorboard",
+        "board",
+        "--appearance",
+        "sv",
+    )
     assert result.returncode == 0, result.stderr
     model = (folder / "run/point_cloud/iteration_250/point_cloud.ply").read_bytes()
     (first,) = event_files(board)
     scalars, pictures, restarts = read(first)
     lines = [json.loads(line) for line in (folder / "run/stats/train.jsonl").read_text().splitlines()]
-    for event, field, tag in [("step", "loss", "train/loss"), ("step", "num_gaussians", "model/num_gaussians"),
-                              ("evaluation", "psnr", "test/psnr"), ("evaluation", "ssim", "test/ssim")]:
+    for event, field, tag in [
+        ("step", "loss", "train/loss"),
+        ("step", "num_gaussians", "model/num_gaussians"),
+        ("evaluation", "psnr", "test/psnr"),
+        ("evaluation", "ssim", "test/ssim"),
+    ]:
         expected = {line["iteration"]: line[field] for line in lines if line["event"] == event}
         assert expected.keys() == scalars[tag].keys() and len(expected) >= 2, (tag, scalars[tag], expected)
         for step, value in expected.items():
@@ -132,8 +152,16 @@ def check_course(folder):
     assert jpeg != pictures["preview"][100][2]
 
     # The folder is in config.yaml, so that a resumed run continues in it, and says what it does anew.
-    result = train(folder, "-m", "run", "--resume", str(folder / "run/checkpoints/iteration_200.safetensors"),
-                   "--iterations", "300", "--overwrite")
+    result = train(
+        folder,
+        "-m",
+        "run",
+        "--resume",
+        str(folder / "run/checkpoints/iteration_200.safetensors"),
+        "--iterations",
+        "300",
+        "--overwrite",
+    )
     assert result.returncode == 0, result.stderr
     again, second = event_files(board)
     assert again == first, "an earlier part sorts before"
@@ -166,8 +194,13 @@ def check_full_disk(folder):
     """The disk of the event file is full after its second record: one warning, and the training goes on."""
     board = folder / "small"
     board.mkdir()
-    failing = dict(LD_PRELOAD=LIBRARY, GSAPP_FAULT_ROOT=str(board), GSAPP_FAULT_KEEP="1", GSAPP_FAULT_ERROR=str(errno.ENOSPC),
-                   ASAN_OPTIONS="verify_asan_link_order=0:" + os.environ.get("ASAN_OPTIONS", ""))
+    failing = dict(
+        LD_PRELOAD=LIBRARY,
+        GSAPP_FAULT_ROOT=str(board),
+        GSAPP_FAULT_KEEP="1",
+        GSAPP_FAULT_ERROR=str(errno.ENOSPC),
+        ASAN_OPTIONS="verify_asan_link_order=0:" + os.environ.get("ASAN_OPTIONS", ""),
+    )
     arguments = ["-m", "small-run", "--iterations", "200", "--appearance", "none", "--tensorboard", str(board)]
     calls = folder / "calls"
     assert train(folder, *arguments, **failing, GSAPP_FAULT_AT="0", GSAPP_FAULT_REPORT=str(calls)).returncode == 0
@@ -189,8 +222,20 @@ def check_full_disk(folder):
 
 def check_runs(folder):
     """Each of several runs has a folder of its own, which TensorBoard shows as a run."""
-    result = train(folder, "-m", "seeds/s", "--runs", "2", "--iterations", "5", "--quiet", "--appearance", "none",
-                   "--tensorboard", "several")
+    result = train(
+        folder,
+        "-m",
+        "seeds/s",
+        "--runs",
+        "2",
+        "--iterations",
+        "5",
+        "--quiet",
+        "--appearance",
+        "none",
+        "--tensorboard",
+        "several",
+    )
     assert result.returncode == 0, result.stderr
     assert sorted(path.name for path in (folder / "several").iterdir()) == ["s-0", "s-1"]
     for path in (folder / "several").iterdir():

@@ -44,7 +44,9 @@ def axe_core():
     """The text of axe-core, or None; says once that it is missing."""
     if AXE.exists():
         return AXE.read_text()
-    print(f"skipped: no axe-core, so nothing is said of accessibility; npm ci in {AXE.parents[2]} installs it", flush=True)
+    print(
+        f"skipped: no axe-core, so nothing is said of accessibility; npm ci in {AXE.parents[2]} installs it", flush=True
+    )
     return None
 
 
@@ -61,12 +63,13 @@ def check_accessible(browser, state):
     browser.call("Emulation.setEmulatedMedia", features=[])
 
 
-# What Chromium says of the machine and not of the page: there is no GPU for WebGPU, which a page finds out by asking; and the software driver
-# waits where pixels are read.
+# What Chromium says of the machine and not of the page: there is no GPU for WebGPU, which a page finds out by asking;
+# and the software driver waits where pixels are read.
 OF_MACHINE = ("No available adapters.", "GPU stall due to ReadPixels")
 
 
-# How long an answer may take, in seconds: on a machine of two cores others may compute, too, while the browser draws in software.
+# How long an answer may take, in seconds: on a machine of two cores others may compute, too, while the browser draws in
+# software.
 PATIENCE = 120
 
 
@@ -74,7 +77,9 @@ class Browser:
     """One page. Collects console errors, exceptions, and requests for anything but the page itself and data URIs."""
 
     def __init__(self, program, width=1280, height=1000, flags=("--disable-gpu",)):
-        self.profile = tempfile.TemporaryDirectory(prefix="gsapp-browser-", ignore_cleanup_errors=True)  # its helpers may still write
+        self.profile = tempfile.TemporaryDirectory(
+            prefix="gsapp-browser-", ignore_cleanup_errors=True
+        )  # its helpers may still write
         to_browser, self.write_end = os.pipe()
         self.read_end, from_browser = os.pipe()
 
@@ -85,9 +90,22 @@ class Browser:
             os.dup2(target, 4)
 
         self.process = subprocess.Popen(
-            [program, "--headless", "--remote-debugging-pipe", "--no-sandbox", "--hide-scrollbars", *flags,
-             f"--window-size={width},{height}", f"--user-data-dir={self.profile.name}", "about:blank"],
-            preexec_fn=plumb, close_fds=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            [
+                program,
+                "--headless",
+                "--remote-debugging-pipe",
+                "--no-sandbox",
+                "--hide-scrollbars",
+                *flags,
+                f"--window-size={width},{height}",
+                f"--user-data-dir={self.profile.name}",
+                "about:blank",
+            ],
+            preexec_fn=plumb,
+            close_fds=False,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         os.close(to_browser)
         os.close(from_browser)
         self.buffer = b""
@@ -180,8 +198,12 @@ class Browser:
     def screenshot(self, path, scale):
         """Saves the whole page as a PNG."""
         size = self.call("Page.getLayoutMetrics")["cssContentSize"]
-        shot = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True,
-                         clip={"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": scale})
+        shot = self.call(
+            "Page.captureScreenshot",
+            format="png",
+            captureBeyondViewport=True,
+            clip={"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": scale},
+        )
         pathlib.Path(path).write_bytes(base64.b64decode(shot["data"]))
 
     def press(self, key, code):

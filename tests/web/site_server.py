@@ -13,7 +13,13 @@ from browser import PATIENCE, check
 # panel stands beside the picture.
 SOFTWARE_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 # The same with WebGPU; without Vulkan it loses its device when a canvas is shown.
-SOFTWARE_WEBGPU = (*SOFTWARE_WEBGL, "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--use-vulkan=swiftshader", "--enable-features=Vulkan")
+SOFTWARE_WEBGPU = (
+    *SOFTWARE_WEBGL,
+    "--enable-unsafe-webgpu",
+    "--use-webgpu-adapter=swiftshader",
+    "--use-vulkan=swiftshader",
+    "--enable-features=Vulkan",
+)
 
 # Of rgba pixels (an expression) against a PNG file. Equal ones count as 120 dB.
 PSNR = """(async () => {
@@ -53,7 +59,7 @@ class Handler(http.server.SimpleHTTPRequestHandler):
         if wanted:
             self.send_header("Content-Range", f"bytes {begin}-{len(data) - 1}/{len(data)}")
         self.end_headers()
-        self.wfile.write(data[begin:] if wanted else data[:int(0.4 * len(data))])
+        self.wfile.write(data[begin:] if wanted else data[: int(0.4 * len(data))])
         if not wanted:
             time.sleep(1)  # what a browser has not handed on is lost with the connection
         self.close_connection = True
@@ -74,7 +80,7 @@ class Handler(http.server.SimpleHTTPRequestHandler):
         self.end_headers()
         begin = 0
         for share in (*self.server.slow_shares, 1):
-            part, begin = data[begin:int(share * len(data))], int(share * len(data))
+            part, begin = data[begin : int(share * len(data))], int(share * len(data))
             self.wfile.write(packer.compress(part) + packer.flush(zlib.Z_SYNC_FLUSH) if self.server.is_packed else part)
             if share < 1:
                 self.server.go_on.wait(120)
@@ -104,7 +110,10 @@ def wait_for(browser, expression, what, seconds=PATIENCE):
     deadline = time.monotonic() + seconds
     while not browser.evaluate(f"!!({expression})"):
         if time.monotonic() > deadline:
-            check(False, f"within {seconds} s: {what}. The page says {browser.evaluate(STATE)}, its console {browser.errors}")
+            check(
+                False,
+                f"within {seconds} s: {what}. The page says {browser.evaluate(STATE)}, its console {browser.errors}",
+            )
         time.sleep(0.05)
 
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Has Spark, a renderer by others, read and draw a run: its PLY file, one with another axis up, and the .spz that splat-transform makes of it.
+"""Has Spark, a renderer by others, read and draw a run: its PLY file, one with another axis up, and the .spz that
+splat-transform makes of it.
 
-Usage: spark_test.py GSAPP READERS. READERS is tests/web/readers after npm ci. Exit status 77: no Chromium, or no Spark there.
+Usage: spark_test.py GSAPP READERS. READERS is tests/web/readers after npm ci. Exit status 77: no Chromium, or no Spark
+there.
 """
 
 import json
@@ -15,7 +17,8 @@ import tempfile
 from browser import Browser, find_chromium, check
 from site_server import PSNR, SOFTWARE_WEBGL, Site, wait_for
 
-# Spark was seen to agree to 46 dB. Another convention anywhere, such as a mirrored axis or another basis, leaves less than 20.
+# Spark was seen to agree to 46 dB. Another convention anywhere, such as a mirrored axis or another basis, leaves less
+# than 20.
 LEAST_PSNR = 35
 # A turn may cost this much; 0.2 were seen. Harmonics or rotations that are not turned with the rest cost 9 or more.
 MOST_LOST = 2
@@ -26,7 +29,7 @@ Z_TO_Y = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
 # The test views that are drawn.
 VIEWS = (0, 6)
 # Centres are half-precision numbers there.
-HALF_EPSILON = 2 ** -11
+HALF_EPSILON = 2**-11
 
 
 def centres(ply):
@@ -43,15 +46,21 @@ def centres(ply):
 
 def turned(camera):
     """The camera of cameras.json that sees of the turned scene what this one sees of the scene."""
+
     def turn(vector):
         return [sum(a * b for a, b in zip(row, vector)) for row in Z_TO_Y]
+
     axes = [turn(axis) for axis in zip(*camera["rotation"])]
     return {**camera, "position": turn(camera["position"]), "rotation": [list(row) for row in zip(*axes)]}
 
 
 def write_spz(readers, ply, spz):
     """Writes a .spz of version 3, the newest that Spark 2.2 reads."""
-    run = subprocess.run([readers / "node_modules/.bin/splat-transform", "--quiet", "--spz-version", "3", ply, spz], capture_output=True, text=True)
+    run = subprocess.run(
+        [readers / "node_modules/.bin/splat-transform", "--quiet", "--spz-version", "3", ply, spz],
+        capture_output=True,
+        text=True,
+    )
     check(run.returncode == 0, f"splat-transform writes .spz: {run.stdout}{run.stderr}")
 
 
@@ -59,16 +68,44 @@ def main():
     program = find_chromium()
     gsapp, readers = sys.argv[1], pathlib.Path(sys.argv[2])
     if program is None or not (readers / "node_modules/@sparkjsdev/spark").exists():
-        print("skipped: no chromium on PATH, or Spark is not installed (npm ci --ignore-scripts --prefix tests/web/readers)")
+        print(
+            "skipped: no chromium on PATH, or Spark is not installed (npm ci --ignore-scripts --prefix tests/web/readers)"
+        )
         return 77
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         run = folder / "run"
-        subprocess.run([gsapp, "train", "-s", "builtin:glossy", "--eval", "-r", "4", "--device", "cpu", "--quiet", "--appearance", "sh", "--iterations", "1200",
-                        "--init-points", "2000", "--cap-max", "2000", "-m", run], check=True, capture_output=True)
+        subprocess.run(
+            [
+                gsapp,
+                "train",
+                "-s",
+                "builtin:glossy",
+                "--eval",
+                "-r",
+                "4",
+                "--device",
+                "cpu",
+                "--quiet",
+                "--appearance",
+                "sh",
+                "--iterations",
+                "1200",
+                "--init-points",
+                "2000",
+                "--cap-max",
+                "2000",
+                "-m",
+                run,
+            ],
+            check=True,
+            capture_output=True,
+        )
         subprocess.run([gsapp, "render", run, "-o", folder / "reference"], check=True, capture_output=True)
         shutil.copy(run / "point_cloud/iteration_1200/point_cloud.ply", folder / "model.ply")
-        subprocess.run([gsapp, "export", run, "-o", folder / "turned", "--format", "ply", "--up", "y", "--quiet"], check=True)
+        subprocess.run(
+            [gsapp, "export", run, "-o", folder / "turned", "--format", "ply", "--up", "y", "--quiet"], check=True
+        )
         write_spz(readers, folder / "model.ply", folder / "model.spz")
         shutil.copy(readers / "spark.html", folder)
         (folder / "node_modules").symlink_to(readers.resolve() / "node_modules")
@@ -84,18 +121,29 @@ def main():
             cameras = json.loads((run / "cameras.json").read_text())
 
             def psnr_of(file, view, camera):
-                psnr = browser.evaluate(PSNR % (f"await draw('{file}', {json.dumps(camera)})", f"reference/{view:05}.png"))
+                psnr = browser.evaluate(
+                    PSNR % (f"await draw('{file}', {json.dumps(camera)})", f"reference/{view:05}.png")
+                )
                 print(f"view {view}, {file}: PSNR {psnr:.2f} dB against gsapp's own picture")
                 return psnr
 
             print(f"{count} Gaussians")
             for view in VIEWS:
-                check(cameras[view]["img_name"] == f"test/{view:03}.png", f"cameras.json begins with the test views: {cameras[view]['img_name']}")
+                check(
+                    cameras[view]["img_name"] == f"test/{view:03}.png",
+                    f"cameras.json begins with the test views: {cameras[view]['img_name']}",
+                )
                 psnr = psnr_of("model.ply", view, cameras[view])
                 check(psnr >= LEAST_PSNR, f"PSNR of at least {LEAST_PSNR} dB")
                 least = max(LEAST_PSNR, psnr - MOST_LOST)
-                check(psnr_of("turned/point_cloud.ply", view, turned(cameras[view])) >= least, f"turned a PSNR of at least {least:.2f} dB")
-                check(psnr_of("model.spz", view, cameras[view]) >= LEAST_SPZ_PSNR, f"as .spz a PSNR of at least {LEAST_SPZ_PSNR} dB")
+                check(
+                    psnr_of("turned/point_cloud.ply", view, turned(cameras[view])) >= least,
+                    f"turned a PSNR of at least {least:.2f} dB",
+                )
+                check(
+                    psnr_of("model.spz", view, cameras[view]) >= LEAST_SPZ_PSNR,
+                    f"as .spz a PSNR of at least {LEAST_SPZ_PSNR} dB",
+                )
             check(browser.errors == [], f"the console is silent: {browser.errors}")
     print("passed")
     return 0

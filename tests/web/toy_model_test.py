@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trains, evaluates, exports and draws the toy model, of which nothing stands outside its folder, and compares the viewer's pictures with
-the program's.
+"""Trains, evaluates, exports and draws the toy model, of which nothing stands outside its folder, and compares the
+viewer's pictures with the program's.
 
-Usage: toy_model_test.py GSAPP_TOY MODELS VIEWER. GSAPP_TOY is the program with the models of the folder MODELS beside its own, VIEWER the
-source of the web viewer, which is built with the same folder. Exit status 77: no Chromium, no npx, or the viewer's packages are not
-installed.
+Usage: toy_model_test.py GSAPP_TOY MODELS VIEWER. GSAPP_TOY is the program with the models of the folder MODELS beside
+its own, VIEWER the source of the web viewer, which is built with the same folder. Exit status 77: no Chromium, no npx,
+or the viewer's packages are not installed.
 """
 
 import json
@@ -19,8 +19,24 @@ from browser import Browser, find_chromium, check
 from site_server import KEEP_PICTURES, PSNR, SOFTWARE_WEBGPU, Site, open_viewer
 
 # View dependence begins at iteration 1000.
-TRAIN = ["-s", "builtin:glossy", "-r", "8", "--eval", "--device", "cpu", "--quiet", "--appearance", "toy", "--toy-lr", "0.002", "--cap-max", "5000",
-         "--iterations", "1300"]
+TRAIN = [
+    "-s",
+    "builtin:glossy",
+    "-r",
+    "8",
+    "--eval",
+    "--device",
+    "cpu",
+    "--quiet",
+    "--appearance",
+    "toy",
+    "--toy-lr",
+    "0.002",
+    "--cap-max",
+    "5000",
+    "--iterations",
+    "1300",
+]
 VIEWS = (0, 3)
 LEAST_PSNR = 38
 
@@ -61,13 +77,24 @@ def main():
         check(results["run"]["ours_1300"]["model"] == "toy", f"results name the model: {results['run']}")
         run(gsapp, "export", trained, "--format", "web", "-o", exported)
         run(gsapp, "render", trained, "--decompose", "-o", folder / "reference")
-        run("npx", "vite", "build", "--outDir", site, "--emptyOutDir", cwd=viewer, env={**os.environ, "GSAPP_MORE_MODELS": str(models)})
+        run(
+            "npx",
+            "vite",
+            "build",
+            "--outDir",
+            site,
+            "--emptyOutDir",
+            cwd=viewer,
+            env={**os.environ, "GSAPP_MORE_MODELS": str(models)},
+        )
         shutil.copy(exported / "scene.ngsplat", site)
         shutil.move(folder / "reference", site)
         served = Site(folder)
         with Browser(program, width=800, height=600, flags=SOFTWARE_WEBGPU) as browser:
             for way in ("WebGL2", "WebGPU"):
-                if way == "WebGPU" and not browser.evaluate("navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"):
+                if way == "WebGPU" and not browser.evaluate(
+                    "navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"
+                ):
                     print("this chromium has no WebGPU, not in software either: only WebGL2 is tested")
                     continue
                 open_viewer(browser, f"{served.url}site/?gpu={'webgl' if way == 'WebGL2' else 'webgpu'}")

@@ -14,8 +14,26 @@ from browser import Browser, check, check_stands_alone, find_chromium
 
 
 def make_tradeoff(gsapp, folder):
-    subprocess.run([gsapp, "tradeoff", "-s", "builtin:glossy", "--device", "cpu", "-r", "8", "--axes", "appearance=none,sv", "iterations=2,20",
-                    "--quiet", "-m", folder], check=True, capture_output=True)
+    subprocess.run(
+        [
+            gsapp,
+            "tradeoff",
+            "-s",
+            "builtin:glossy",
+            "--device",
+            "cpu",
+            "-r",
+            "8",
+            "--axes",
+            "appearance=none,sv",
+            "iterations=2,20",
+            "--quiet",
+            "-m",
+            folder,
+        ],
+        check=True,
+        capture_output=True,
+    )
 
 
 def check_page(browser, url):
@@ -25,17 +43,23 @@ def check_page(browser, url):
     words = browser.evaluate("[...document.querySelectorAll('li strong')].map(e => e.textContent).join()")
     check(words == "best,smallest,fastest", f"the three recommendations are there, not {words}")
     check(browser.evaluate("document.querySelectorAll('svg .front').length") >= 3, "each plot has its front")
-    outside = browser.evaluate("""[...document.querySelectorAll('svg')].flatMap(s => {
+    outside = browser.evaluate(
+        """[...document.querySelectorAll('svg')].flatMap(s => {
         const frame = s.getBoundingClientRect();
         return [...s.querySelectorAll('g text')].filter(t => {
             const box = t.getBoundingClientRect();
             return box.left < frame.left || box.right > frame.right || box.bottom > frame.bottom;
         }).map(t => t.textContent);
-    })""")
+    })"""
+    )
     check(outside == [], f"labels lie inside their plot: {outside}")
     grey = "getComputedStyle(document.querySelector('svg .dominated') || document.body).color"
     if browser.evaluate("!!document.querySelector('svg .dominated')"):
-        check(browser.evaluate(grey) != browser.evaluate("getComputedStyle(document.querySelector('svg .series0')).color"), "dominated points are grey")
+        check(
+            browser.evaluate(grey)
+            != browser.evaluate("getComputedStyle(document.querySelector('svg .series0')).color"),
+            "dominated points are grey",
+        )
 
 
 def main():

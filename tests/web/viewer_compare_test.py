@@ -15,9 +15,16 @@ from browser import Browser, find_chromium, check, check_accessible
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
 SCENE = ["-s", "builtin:glossy", "--eval", "--device", "cpu", "--quiet", "--cap-max", "3000", "--iterations", "200"]
-WIDTH, HEIGHT = 160, 120 # of a test view
+WIDTH, HEIGHT = 160, 120  # of a test view
 VIEW = 3
-TAB, LEFT, RIGHT, END, HOME, PAGE_DOWN = ("Tab", 9), ("ArrowLeft", 37), ("ArrowRight", 39), ("End", 35), ("Home", 36), ("PageDown", 34)
+TAB, LEFT, RIGHT, END, HOME, PAGE_DOWN = (
+    ("Tab", 9),
+    ("ArrowLeft", 37),
+    ("ArrowRight", 39),
+    ("End", 35),
+    ("Home", 36),
+    ("PageDown", 34),
+)
 FRAME = "new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(resolve)))"
 # Bytes of a promise of an array, as text.
 TEXT = "(async () => { let text = ''; for (const byte of %s) text += String.fromCharCode(byte); return btoa(text); })()"
@@ -45,11 +52,18 @@ class Picture:
 
     def __init__(self, browser, expression):
         self.data = base64.b64decode(browser.evaluate(TEXT % f"(await {expression})"))
-        check(len(self.data) == 4 * WIDTH * HEIGHT, f"a picture of {WIDTH} x {HEIGHT}, not of {len(self.data) / 4} pixels")
+        check(
+            len(self.data) == 4 * WIDTH * HEIGHT, f"a picture of {WIDTH} x {HEIGHT}, not of {len(self.data) / 4} pixels"
+        )
 
     def difference(self, other, first=0, end=WIDTH):
         """The largest and the mean one between two pictures in some columns."""
-        all_of_them = [abs(self.data[i] - other.data[i]) for y in range(HEIGHT) for i in range(4 * (WIDTH * y + first), 4 * (WIDTH * y + end)) if i % 4 < 3]
+        all_of_them = [
+            abs(self.data[i] - other.data[i])
+            for y in range(HEIGHT)
+            for i in range(4 * (WIDTH * y + first), 4 * (WIDTH * y + end))
+            if i % 4 < 3
+        ]
         return max(all_of_them), sum(all_of_them) / len(all_of_them)
 
 
@@ -61,7 +75,9 @@ def screen_picture(browser):
     """What the canvas shows, without what lies over it."""
     browser.evaluate(FRAME)
     browser.evaluate("document.querySelectorAll('#divider, .side, #meter').forEach(e => e.style.visibility = 'hidden')")
-    shot = browser.call("Page.captureScreenshot", format="png", clip={"x": 0, "y": 0, "width": WIDTH, "height": HEIGHT, "scale": 1})["data"]
+    shot = browser.call(
+        "Page.captureScreenshot", format="png", clip={"x": 0, "y": 0, "width": WIDTH, "height": HEIGHT, "scale": 1}
+    )["data"]
     browser.evaluate("document.querySelectorAll('#divider, .side, #meter').forEach(e => e.style.visibility = '')")
     return Picture(browser, DECODED % f"new Blob([Uint8Array.from(atob('{shot}'), c => c.charCodeAt(0))])")
 
@@ -75,18 +91,24 @@ def fit_canvas(browser):
     """Makes the canvas as large as a test view, as it can be where the page is the picture alone (?embed)."""
     browser.evaluate("document.body.classList.add('embedded')")
     set_window(browser, WIDTH, HEIGHT)
-    wait_for(browser, f"document.getElementById('canvas').width === {WIDTH} && document.getElementById('canvas').height === {HEIGHT}", "the canvas has the test view's size")
+    wait_for(
+        browser,
+        f"document.getElementById('canvas').width === {WIDTH} && document.getElementById('canvas').height === {HEIGHT}",
+        "the canvas has the test view's size",
+    )
 
 
 def choose(browser, **values):
     """Changes selects and the checkbox as a person does: with events."""
     for name, value in values.items():
-        browser.evaluate(f"""(() => {{
+        browser.evaluate(
+            f"""(() => {{
             const control = document.getElementById('{name.replace("_", "-")}');
             if (control.type === 'checkbox') {{ if (control.checked !== {json.dumps(value)}) control.click(); return; }}
             control.value = {json.dumps(value)};
             control.dispatchEvent(new Event('change', {{ bubbles: true }}));
-        }})()""")
+        }})()"""
+        )
 
 
 def label(browser, side):
@@ -94,7 +116,11 @@ def label(browser, side):
 
 
 def wait_for_label(browser, side, text):
-    wait_for(browser, f"document.getElementById('label-{side}').textContent.includes({json.dumps(text)})", f"the label at the {side} says '{text}'")
+    wait_for(
+        browser,
+        f"document.getElementById('label-{side}').textContent.includes({json.dumps(text)})",
+        f"the label at the {side} says '{text}'",
+    )
 
 
 def divider(browser):
@@ -116,15 +142,25 @@ def check_sides(browser, site):
     for mode in ("full", "base", "residual", "depth"):
         wanted[mode] = mode_picture(browser, mode)
     wanted["photograph"] = Picture(browser, DECODED % f"(await (await fetch('photographs/{VIEW:05}.png')).blob())")
-    pairs = [("full", "base"), ("residual", "depth"), ("full", "other"), ("photograph", "other"), ("depth", "photograph")]
+    pairs = [
+        ("full", "base"),
+        ("residual", "depth"),
+        ("full", "other"),
+        ("photograph", "other"),
+        ("depth", "photograph"),
+    ]
     for left, right in pairs:
         half = WIDTH // 2
         apart = [wanted[left].difference(wanted[right], *columns)[0] for columns in ((0, half), (half, WIDTH))]
         check(min(apart) > 5, f"{left} and {right} differ in both halves, or nothing is tested: {apart}")
         choose(browser, compare_left=left, compare_right=right)
         wait_for_label(browser, "right", {"other": "none", "photograph": "Photograph"}.get(right, "sh: " + right))
-        wait_for(browser, "![...document.querySelectorAll('.side')].some(e => e.textContent.includes('. '))", f"{left} and {right} are there")
-        for _ in range(20): # the second model may still be sorted
+        wait_for(
+            browser,
+            "![...document.querySelectorAll('.side')].some(e => e.textContent.includes('. '))",
+            f"{left} and {right} are there",
+        )
+        for _ in range(20):  # the second model may still be sorted
             shown = screen_picture(browser)
             at_left, at_right = shown.difference(wanted[left], 0, half), shown.difference(wanted[right], half, WIDTH)
             if max(at_left[0], at_right[0]) <= 1:
@@ -145,7 +181,9 @@ def check_divider(browser, wanted):
 
     def check_at(column, what):
         shown = screen_picture(browser)
-        check(shown.difference(wanted["full"], 0, column)[0] <= 1, f"{what}: left of column {column} is the left picture")
+        check(
+            shown.difference(wanted["full"], 0, column)[0] <= 1, f"{what}: left of column {column} is the left picture"
+        )
         check(shown.difference(wanted["depth"], column, WIDTH)[0] <= 1, f"{what}: right of it the right one")
 
     for kind, x in (("mousePressed", 80), ("mouseMoved", 60), ("mouseMoved", 40), ("mouseReleased", 40)):
@@ -170,12 +208,27 @@ def check_divider(browser, wanted):
         positions.append(divider(browser))
     check(positions == [0, 1, 100, 99, 89], f"keys move it: {positions}")
     check_at(round(0.89 * WIDTH), "with keys")
-    check(browser.evaluate("document.getElementById('camera').value") == str(VIEW), "keys of the divider do not turn the camera")
-    role = browser.evaluate("(e => [e.role, e.ariaValueMin, e.ariaValueMax, e.ariaValueText, e.ariaLabel])(document.getElementById('divider'))")
-    check(role == ["slider", "0", "100", "89 % of the width", "Divider between the pictures"], f"it is a slider: {role}")
-    check(browser.evaluate("document.getElementById('modes').closest('fieldset').disabled"), "the choice of one picture is out of use meanwhile")
+    check(
+        browser.evaluate("document.getElementById('camera').value") == str(VIEW),
+        "keys of the divider do not turn the camera",
+    )
+    role = browser.evaluate(
+        "(e => [e.role, e.ariaValueMin, e.ariaValueMax, e.ariaValueText, e.ariaLabel])(document.getElementById('divider'))"
+    )
+    check(
+        role == ["slider", "0", "100", "89 % of the width", "Divider between the pictures"], f"it is a slider: {role}"
+    )
+    check(
+        browser.evaluate("document.getElementById('modes').closest('fieldset').disabled"),
+        "the choice of one picture is out of use meanwhile",
+    )
     choose(browser, compare_on=False)
-    check(not browser.evaluate("document.getElementById('modes').closest('fieldset').disabled || document.getElementById('divider').checkVisibility()"), "and back after it")
+    check(
+        not browser.evaluate(
+            "document.getElementById('modes').closest('fieldset').disabled || document.getElementById('divider').checkVisibility()"
+        ),
+        "and back after it",
+    )
     check(screen_picture(browser).difference(wanted["full"])[0] <= 1, "then one picture is shown")
 
 
@@ -192,18 +245,29 @@ def check_link(browser, site):
     browser.evaluate("document.getElementById('copy-link').click()")
     wait_for(browser, "document.getElementById('picture-message').textContent === 'Copied.'", "the link is copied")
     link = browser.evaluate("navigator.clipboard.readText()")
-    check(link == f"{site.url}#view={VIEW + 1}&compare=residual,photograph&split=79", f"it names sides and divider: {link}")
+    check(
+        link == f"{site.url}#view={VIEW + 1}&compare=residual,photograph&split=79",
+        f"it names sides and divider: {link}",
+    )
 
     browser.open("about:blank")
     open_viewer(browser, link)
     fit_canvas(browser)
-    wait_for(browser, "document.getElementById('label-right').textContent === 'Photograph'", "the link shows the photograph")
+    wait_for(
+        browser, "document.getElementById('label-right').textContent === 'Photograph'", "the link shows the photograph"
+    )
     sides = browser.evaluate("['left', 'right'].map(side => document.getElementById('compare-' + side).value)")
-    check(sides == ["residual", "photograph"] and divider(browser) == 79, f"the same sides and divider: {sides}, {divider(browser)} %")
+    check(
+        sides == ["residual", "photograph"] and divider(browser) == 79,
+        f"the same sides and divider: {sides}, {divider(browser)} %",
+    )
     check(screen_picture(browser).difference(wanted)[0] <= 1, "and the same picture")
     browser.evaluate("location.hash = '#compare=full,nothing&split=20'")
     wait_for(browser, "!document.getElementById('compare-on').checked", "what is no comparison is none")
-    check(divider(browser) == 79 and not browser.evaluate("document.getElementById('divider').checkVisibility()"), "and shows no divider")
+    check(
+        divider(browser) == 79 and not browser.evaluate("document.getElementById('divider').checkVisibility()"),
+        "and shows no divider",
+    )
 
 
 def check_accessibility(browser, site):
@@ -224,14 +288,21 @@ def check_obstacles(browser, site):
     open_site(browser, site)
     full = mode_picture(browser, "full")
     choose(browser, compare_left="full", compare_right="photograph")
-    wait_for(browser, "document.getElementById('label-right').textContent === 'Photograph'", "the photograph of a test view is shown")
+    wait_for(
+        browser,
+        "document.getElementById('label-right').textContent === 'Photograph'",
+        "the photograph of a test view is shown",
+    )
     browser.evaluate("document.getElementById('canvas').focus()")
     browser.press(*LEFT)
     wait_for_label(browser, "right", "Choose a test view")
     shown = screen_picture(browser)
-    check(max(shown.data[4 * (60 * WIDTH + 120):][:3]) == 0, "where there is no photograph, the picture is black")
-    check(max(shown.data[i] for i in range(4 * 60 * WIDTH, 4 * (60 * WIDTH + 70)) if i % 4 < 3) > 0, "and beside it the model")
-    open_site(browser, site, "?model=scene.ngsplat") # as a file from anywhere
+    check(max(shown.data[4 * (60 * WIDTH + 120) :][:3]) == 0, "where there is no photograph, the picture is black")
+    check(
+        max(shown.data[i] for i in range(4 * 60 * WIDTH, 4 * (60 * WIDTH + 70)) if i % 4 < 3) > 0,
+        "and beside it the model",
+    )
+    open_site(browser, site, "?model=scene.ngsplat")  # as a file from anywhere
     for side, words in (("photograph", "no photographs here"), ("other", "one model here")):
         choose(browser, compare_left="full", compare_right=side)
         wait_for_label(browser, "right", words)
@@ -250,13 +321,16 @@ def check_phone(browser, site):
         box = browser.evaluate(f"(b => [b.left, b.right])(document.getElementById('{name}').getBoundingClientRect())")
         check(0 <= box[0] < box[1] <= 360, f"{name} lies within it: {box}")
     for side in ("left", "right"):
-        box = browser.evaluate(f"(b => [b.left, b.right])(document.getElementById('label-{side}').getBoundingClientRect())")
+        box = browser.evaluate(
+            f"(b => [b.left, b.right])(document.getElementById('label-{side}').getBoundingClientRect())"
+        )
         check(0 <= box[0] < box[1] <= 360, f"so does the label at the {side}: {box}")
     browser.call("Emulation.clearDeviceMetricsOverride")
 
 
 def check_broken_sites(browser, site, folder):
-    """A site.json (more of them: apps/viewer/test/site.test.ts) or a file it names that is damaged or hostile gives a message, and the page goes on."""
+    """A site.json (more of them: apps/viewer/test/site.test.ts) or a file it names that is damaged or hostile gives a
+    message, and the page goes on."""
     good = (folder / "site.json").read_text()
     message = "document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText"
 
@@ -267,7 +341,10 @@ def check_broken_sites(browser, site, folder):
     bad = {
         "no JSON": (good[:-1], "not JSON"),
         "newer": (altered(version=2), "version 2"),
-        "elsewhere": (altered(models=[first, {"file": "https://example.com/a.ngsplat", "name": "b"}]), "no .ngsplat file of this site"),
+        "elsewhere": (
+            altered(models=[first, {"file": "https://example.com/a.ngsplat", "name": "b"}]),
+            "no .ngsplat file of this site",
+        ),
         "photographs of other views": (altered(photographs=[None] * 3), "list of 8 photographs"),
     }
     browser.call("Network.setCacheDisabled", cacheDisabled=True)
@@ -277,7 +354,10 @@ def check_broken_sites(browser, site, folder):
         seen = browser.evaluate(message)
         check("site.json cannot be read" in seen and words in seen, f"a site.json that is {name} is said to be: {seen}")
         browser.evaluate("document.getElementById('dismiss').click()")
-        check(browser.evaluate("gsapp.testViewPixels(0, 'full').then(v => Math.max(...v.pixels.slice(0, 4000)))") > 10, "the page goes on")
+        check(
+            browser.evaluate("gsapp.testViewPixels(0, 'full').then(v => Math.max(...v.pixels.slice(0, 4000)))") > 10,
+            "the page goes on",
+        )
     elsewhere = [r for r in browser.requests if not r.startswith((site.url, "blob:", "about:"))]
     check(elsewhere == [], f"nothing is asked of other sites: {elsewhere}")
     check(browser.errors == [], f"the console is silent: {browser.errors}")
@@ -287,7 +367,7 @@ def check_broken_sites(browser, site, folder):
     check("404" in browser.evaluate(message), f"one that is missing is said to be: {browser.evaluate(message)}")
     (folder / "site.json").write_text(altered(models=[first, {"file": "scene-2.ngsplat", "name": "<b>b</b>"}]))
     packed = (folder / "scene-2.ngsplat").read_bytes()
-    (folder / "scene-2.ngsplat").write_bytes(packed[:len(packed) // 2])
+    (folder / "scene-2.ngsplat").write_bytes(packed[: len(packed) // 2])
     (folder / f"photographs/{VIEW:05}.png").write_bytes((folder / "photographs/00000.png").read_bytes()[:100])
     open_site(browser, site)
     choose(browser, compare_left="full", compare_right="other")
@@ -295,7 +375,10 @@ def check_broken_sites(browser, site, folder):
     check(label(browser, "right").startswith("<b>b</b>"), "a name with markup is shown as text")
     choose(browser, compare_right="photograph")
     wait_for_label(browser, "right", f"photographs/{VIEW:05}.png cannot be shown")
-    check(screen_picture(browser).difference(mode_picture(browser, "full"), 0, WIDTH // 2)[0] <= 1, "beside it the model is drawn")
+    check(
+        screen_picture(browser).difference(mode_picture(browser, "full"), 0, WIDTH // 2)[0] <= 1,
+        "beside it the model is drawn",
+    )
 
 
 def main():

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Uses what stands around the viewer's picture: links, settings, keys, files to save.
 
-Usage: viewer_controls_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium, or no viewer there.
+Usage: viewer_controls_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no
+Chromium, or no viewer there.
 """
 
 import json
@@ -33,16 +34,22 @@ def fresh(browser, url):
 
 def set_input(browser, name, value):
     """What a person does to a slider or a colour."""
-    browser.evaluate(f"{{ const i = document.getElementById('{name}'); i.value = '{value}'; i.dispatchEvent(new Event('input', {{ bubbles: true }})); }}")
+    browser.evaluate(
+        f"{{ const i = document.getElementById('{name}'); i.value = '{value}'; i.dispatchEvent(new Event('input', {{ bubbles: true }})); }}"
+    )
 
 
 def fragment(browser):
     """The fragment of the address, when it and the controls are up to date."""
-    return browser.evaluate("new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(() => resolve(location.hash), 600))))")
+    return browser.evaluate(
+        "new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(() => resolve(location.hash), 600))))"
+    )
 
 
 def hash_to(browser, text):
-    browser.evaluate(f"new Promise(resolve => {{ addEventListener('hashchange', () => requestAnimationFrame(() => requestAnimationFrame(resolve)), {{ once: true }}); location.hash = '{text}'; }})")
+    browser.evaluate(
+        f"new Promise(resolve => {{ addEventListener('hashchange', () => requestAnimationFrame(() => requestAnimationFrame(resolve)), {{ once: true }}); location.hash = '{text}'; }})"
+    )
 
 
 def key(browser, name, text=None, modifiers=0):
@@ -69,26 +76,45 @@ def check_link(browser, site):
     browser.evaluate("document.querySelector('[value=depth]').click()")
     set_input(browser, "background", "#ff8000")
     moved = fragment(browser)
-    check(moved.startswith("#from=") and "&to=" in moved and moved.endswith("&mode=depth&background=ff8000"), f"so are a pose and settings: {moved}")
+    check(
+        moved.startswith("#from=") and "&to=" in moved and moved.endswith("&mode=depth&background=ff8000"),
+        f"so are a pose and settings: {moved}",
+    )
     browser.call("Browser.grantPermissions", permissions=["clipboardReadWrite", "clipboardSanitizedWrite"])
     click(browser, "copy-link")
-    wait_for(browser, "document.getElementById('picture-message').textContent === 'Copied.'", "copying is said to be done")
+    wait_for(
+        browser, "document.getElementById('picture-message').textContent === 'Copied.'", "copying is said to be done"
+    )
     check(browser.evaluate("navigator.clipboard.readText()") == site.url + moved, "the link is the address")
 
     fresh(browser, site.url + moved)
     check((at := fragment(browser)) == moved, f"opening the link shows the same: {at}")
-    check(browser.evaluate("document.querySelector('[value=depth]').checked") and value(browser, "background") == "#ff8000", "and sets the controls")
+    check(
+        browser.evaluate("document.querySelector('[value=depth]').checked")
+        and value(browser, "background") == "#ff8000",
+        "and sets the controls",
+    )
     hash_to(browser, "view=2&mode=base")
-    check(((at := fragment(browser)), shown(browser)) == ("#view=2&mode=base", "Test view 2"), f"another fragment is followed: {at}")
+    check(
+        ((at := fragment(browser)), shown(browser)) == ("#view=2&mode=base", "Test view 2"),
+        f"another fragment is followed: {at}",
+    )
     hash_to(browser, "from=1,2&to=x&mode=nothing&fov=1e9&view=99&size=-3&background=zzzzzz&near=NaN&=&%25&points=on")
-    check(((at := fragment(browser)), shown(browser)) == ("#points=on", "Test view 1"), f"nonsense in it is left out: {at}")
+    check(
+        ((at := fragment(browser)), shown(browser)) == ("#points=on", "Test view 1"),
+        f"nonsense in it is left out: {at}",
+    )
     check(message(browser) == "", "without a word")
     hash_to(browser, "from=0,0,-4&to=0,0,0&fov=45.2397")  # of the first test view
     check(shown(browser) == "Free", "a pose belongs to no test view")
     drop(browser, "mine.ngsplat", scene_file(10))
     wait_for(browser, "document.getElementById('name').textContent === 'mine.ngsplat'", "a file is shown")
     click(browser, "copy-link")
-    wait_for(browser, "document.getElementById('picture-message').textContent.includes('cannot hold the file')", "a link to it says what it lacks")
+    wait_for(
+        browser,
+        "document.getElementById('picture-message').textContent.includes('cannot hold the file')",
+        "a link to it says what it lacks",
+    )
 
 
 def check_settings(browser, site, downloads):
@@ -104,7 +130,10 @@ def check_settings(browser, site, downloads):
     small = browser.evaluate(covered)
     browser.evaluate("document.getElementById('points').click()")
     points = browser.evaluate(covered)
-    check(large > plain + 300 and plain > small + 300 and small > points > 100, f"smaller splats and points cover less: {large}, {plain}, {small}, {points} pixels")
+    check(
+        large > plain + 300 and plain > small + 300 and small > points > 100,
+        f"smaller splats and points cover less: {large}, {plain}, {small}, {points} pixels",
+    )
     check(browser.evaluate("document.getElementById('splat-size').disabled"), "points have no size")
     browser.evaluate("document.getElementById('points').click()")
     set_input(browser, "splat-size", 1)
@@ -127,7 +156,10 @@ def check_settings(browser, site, downloads):
     click(browser, "save-picture")
     name, data = downloads.take("the picture")
     size = browser.evaluate("[document.getElementById('canvas').width, document.getElementById('canvas').height]")
-    check((name, data[:8], list(struct.unpack(">2I", data[16:24]))) == ("scene.ngsplat.png", b"\x89PNG\r\n\x1a\n", size), f"a PNG of the canvas's size: {name}, {data[:24]}")
+    check(
+        (name, data[:8], list(struct.unpack(">2I", data[16:24]))) == ("scene.ngsplat.png", b"\x89PNG\r\n\x1a\n", size),
+        f"a PNG of the canvas's size: {name}, {data[:24]}",
+    )
     (site.folder / "saved.png").write_bytes(data)
     picture = f"""(async () => {{
         const image = await createImageBitmap(await (await fetch('saved.png')).blob()), [w, h] = [image.width, image.height];
@@ -138,12 +170,16 @@ def check_settings(browser, site, downloads):
     }})()"""
     outside, middle = browser.evaluate(picture)
     check(outside == [16, 32, 48, 255], f"with its background: {outside}")
-    check(max(abs(a - b) for a, b in zip(middle, pixel(browser))) < 40 and middle[:3] != outside[:3], f"and the model: {middle}, {pixel(browser)}")
+    check(
+        max(abs(a - b) for a, b in zip(middle, pixel(browser))) < 40 and middle[:3] != outside[:3],
+        f"and the model: {middle}, {pixel(browser)}",
+    )
 
 
 def check_frame(browser, site):
     fresh(browser, site.url + "#from=0,0,-1.5&to=0,0,9")
-    # The part of the canvas that the ball reaches, by a picture read at once after it was drawn: left, right, low, high from 0 to 1.
+    # The part of the canvas that the ball reaches, by a picture read at once after it was drawn: left, right, low, high
+    # from 0 to 1.
     reach = f"""(() => {{
         const canvas = document.getElementById('canvas'), gl = canvas.getContext('webgl2'), [w, h] = [canvas.width, canvas.height], all = new Uint8Array(4 * w * h);
         dispatchEvent(new Event('resize')); // draws
@@ -188,13 +224,17 @@ SEEN = """(() => {
 
 
 def check_first_view(browser, site):
-    """Photographs that lie are shown upright; a model without cameras opens on its front, the whole in sight, whatever axis is up."""
+    """Photographs that lie are shown upright; a model without cameras opens on its front, the whole in sight, whatever
+    axis is up."""
     fresh(browser, site.url)
     for quarters, lies in ((0, False), (1, True), (3, True), (2, True)):
         name = f"turned {quarters}.ngsplat"
         drop(browser, name, scene_file(300, quarters))
         wait_for(browser, f"document.getElementById('name').textContent === '{name}'", f"{name} is shown")
-        check(fragment(browser) == "" and (shown(browser) == "Free") == lies, f"{name}: what lies is shown upright: {shown(browser)}")
+        check(
+            fragment(browser) == "" and (shown(browser) == "Free") == lies,
+            f"{name}: what lies is shown upright: {shown(browser)}",
+        )
     click(browser, "next")
     check(shown(browser) == "Test view 1", "the photograph as it is can be chosen")
 
@@ -205,7 +245,9 @@ def check_first_view(browser, site):
     seen = browser.evaluate(SEEN)
     check(majority() == "100", f"from its front: {seen}")
     check(seen["covered"] > 0.15 and seen["edge"] == 0, f"the whole, and not as a speck: {seen}")
-    choose = lambda axis: browser.evaluate(f"{{ const up = document.getElementById('up'); up.value = '{axis}'; up.dispatchEvent(new Event('change')); }}")
+    choose = lambda axis: browser.evaluate(
+        f"{{ const up = document.getElementById('up'); up.value = '{axis}'; up.dispatchEvent(new Event('change')); }}"
+    )
     for axis, colour in (("y", "001"), ("z", "111"), ("-z", "010"), ("", "100")):
         choose(axis)
         link = fragment(browser)
@@ -227,16 +269,33 @@ def check_own_page(browser, site):
     browser.call("Network.setCacheDisabled", cacheDisabled=True)  # the page changes within a second
     page = site.folder / "index.html"
     as_it_was = page.read_text()
-    for start, link, view in (("view=2", "", "Test view 2"), ("from=0,1,-5&amp;to=0,0,0&amp;fov=40&amp;mode=base", "#mode=base", "Free")):
-        page.write_text(as_it_was.replace("</title>", f'</title><meta name="gsapp:title" content="My &amp; ball" /><meta name="gsapp:start" content="{start}" />'))
+    for start, link, view in (
+        ("view=2", "", "Test view 2"),
+        ("from=0,1,-5&amp;to=0,0,0&amp;fov=40&amp;mode=base", "#mode=base", "Free"),
+    ):
+        page.write_text(
+            as_it_was.replace(
+                "</title>",
+                f'</title><meta name="gsapp:title" content="My &amp; ball" /><meta name="gsapp:start" content="{start}" />',
+            )
+        )
         fresh(browser, site.url)
         name = "document.getElementById('name').textContent"
-        check((browser.evaluate("document.title"), browser.evaluate(name)) == ("My & ball", "My & ball"), "the page has its title")
-        check(((at := fragment(browser)), shown(browser)) == (link, view), f"it begins with its view: {at}, {shown(browser)}")
+        check(
+            (browser.evaluate("document.title"), browser.evaluate(name)) == ("My & ball", "My & ball"),
+            "the page has its title",
+        )
+        check(
+            ((at := fragment(browser)), shown(browser)) == (link, view),
+            f"it begins with its view: {at}, {shown(browser)}",
+        )
         click(browser, "previous" if view == "Test view 2" else "next")
         check("#view=1" in fragment(browser), f"from which another view differs: {browser.evaluate('location.hash')}")
         click(browser, "reset")
-        check(((at := fragment(browser)), shown(browser)) == (link, view), f"and which is the first one: {at}, {shown(browser)}")
+        check(
+            ((at := fragment(browser)), shown(browser)) == (link, view),
+            f"and which is the first one: {at}, {shown(browser)}",
+        )
         drop(browser, "mine.ngsplat", scene_file(10))
         wait_for(browser, f"{name} === 'mine.ngsplat'", "another file has its own name")
         check(shown(browser) == "Test view 1", "and its own first view")
@@ -246,12 +305,19 @@ def check_own_page(browser, site):
 
 def check_keys(browser, site):
     fresh(browser, site.url)
-    check(browser.evaluate("[...document.querySelectorAll('h1')].filter(h => h.checkVisibility()).length") == 1, "the page has one h1")
+    check(
+        browser.evaluate("[...document.querySelectorAll('h1')].filter(h => h.checkVisibility()).length") == 1,
+        "the page has one h1",
+    )
     is_open = "document.getElementById('help').open"
     browser.evaluate("document.body.focus()")
     browser.call("Input.dispatchKeyEvent", type="keyDown", key="?", text="?")
     check(browser.evaluate(is_open), "? opens the keys")
-    missing = [k for k in "FRXPKWASDQE" if k not in browser.evaluate("[...document.querySelectorAll('#help kbd')].map(k => k.textContent)")]
+    missing = [
+        k
+        for k in "FRXPKWASDQE"
+        if k not in browser.evaluate("[...document.querySelectorAll('#help kbd')].map(k => k.textContent)")
+    ]
     check(missing == [], f"all of them: {missing}")
     browser.press("Escape", 27)
     wait_for(browser, f"!{is_open}", "Escape closes them")
@@ -264,7 +330,9 @@ def check_keys(browser, site):
     browser.press("Escape", 27)
     check(message(browser) == "", "Escape closes messages")
     click(browser, "toggle")
-    browser.evaluate("{ const field = document.getElementById('repeats'); field.closest('details').open = true; field.focus(); }")
+    browser.evaluate(
+        "{ const field = document.getElementById('repeats'); field.closest('details').open = true; field.focus(); }"
+    )
     browser.call("Input.dispatchKeyEvent", type="keyDown", key="?", text="?")
     check(not browser.evaluate(is_open), "in a field, ? is a character")
     check(browser.evaluate("document.fullscreenEnabled"), "this browser can fill the screen")
@@ -315,11 +383,16 @@ def minus(a, b):
 def check_visitor(browser, site):
     """What someone sees who follows a link: the picture, without the tools of research, and keys that work at once."""
     fresh(browser, site.url)
-    visible = lambda: browser.evaluate("['controls', 'meter', 'toggle', 'open-help', 'name'].filter(id => document.getElementById(id).checkVisibility())")
+    visible = lambda: browser.evaluate(
+        "['controls', 'meter', 'toggle', 'open-help', 'name'].filter(id => document.getElementById(id).checkVisibility())"
+    )
     check(visible() == ["toggle", "open-help", "name"], f"the settings and the counters are closed: {visible()}")
     browser.call("Input.dispatchKeyEvent", type="keyDown", key="ArrowLeft")
     browser.call("Input.dispatchKeyEvent", type="keyUp", key="ArrowLeft")
-    check((at := fragment(browser)).startswith("#from=") and "panel" not in at, f"a key moves the camera before anything is clicked: {at}")
+    check(
+        (at := fragment(browser)).startswith("#from=") and "panel" not in at,
+        f"a key moves the camera before anything is clicked: {at}",
+    )
     click(browser, "toggle")
     check(visible() == ["controls", "meter", "toggle", "open-help", "name"], f"a click opens them: {visible()}")
     check((at := fragment(browser)).endswith("&panel=open"), f"the link remembers it: {at}")
@@ -331,9 +404,14 @@ def check_visitor(browser, site):
 
 def check_every_key(browser, site, downloads):
     """Presses every key that the help names, and sees what it does."""
-    browser.call("Emulation.setDeviceMetricsOverride", width=400, height=300, deviceScaleFactor=1, mobile=False)  # drawn in software, small pictures save time
+    browser.call(
+        "Emulation.setDeviceMetricsOverride", width=400, height=300, deviceScaleFactor=1, mobile=False
+    )  # drawn in software, small pictures save time
     fresh(browser, site.url)
-    documented = {part: set(browser.evaluate(f"[...document.querySelectorAll('#help-{part} kbd')].map(k => k.textContent)")) for part in ("keys", "orbit", "fly")}
+    documented = {
+        part: set(browser.evaluate(f"[...document.querySelectorAll('#help-{part} kbd')].map(k => k.textContent)"))
+        for part in ("keys", "orbit", "fly")
+    }
     start = "from=0,0,-4&to=0,0,0"  # up is -y, and right x
 
     def from_start(action, more=""):
@@ -348,15 +426,26 @@ def check_every_key(browser, site, downloads):
     stop_clock(browser)
     browser.evaluate("{ const draw = setInterval(() => pass(0), 20); }")  # frames come, while no time passes
     orbit = {"←": (0, -1), "→": (0, 1), "↑": (1, -1), "↓": (1, 1)}
-    check(documented["orbit"] == {*orbit, "+", "−", "Shift"}, f"the test knows the keys of orbit: {documented['orbit']}")
+    check(
+        documented["orbit"] == {*orbit, "+", "−", "Shift"}, f"the test knows the keys of orbit: {documented['orbit']}"
+    )
     for name, (axis, sign) in orbit.items():
         (at, to), farther = from_start(lambda: key(browser, names[name]))
-        check(at[axis] * sign > 0.1 and to == [0, 0, 0] and abs(farther) < 0.01, f"{name} turns the camera around the model: {at}, {to}")
+        check(
+            at[axis] * sign > 0.1 and to == [0, 0, 0] and abs(farther) < 0.01,
+            f"{name} turns the camera around the model: {at}, {to}",
+        )
         (at, to), _ = from_start(lambda: key(browser, names[name], modifiers=8))
-        check(at[axis] * sign > 0.05 and math.dist(at, to) < 0.01, f"Shift with {name} moves camera and model along: {at}, {to}")
+        check(
+            at[axis] * sign > 0.05 and math.dist(at, to) < 0.01,
+            f"Shift with {name} moves camera and model along: {at}, {to}",
+        )
     for name, sign in (("+", -1), ("=", -1), ("-", 1)):
         (_, to), farther = from_start(lambda: key(browser, name, name))
-        check(0.1 < sign * farther < 0.5 and to == [0, 0, 0], f"{name} comes {'closer' if sign < 0 else 'less close'}: by {farther}")
+        check(
+            0.1 < sign * farther < 0.5 and to == [0, 0, 0],
+            f"{name} comes {'closer' if sign < 0 else 'less close'}: by {farther}",
+        )
 
     def hold(name):
         browser.call("Input.dispatchKeyEvent", type="keyDown", key=names.get(name, name))
@@ -368,7 +457,10 @@ def check_every_key(browser, site, downloads):
     browser.evaluate("document.getElementById('canvas').focus()")
     for name, (axis, sign) in fly.items():
         (at, to), _ = from_start(lambda: hold(name.lower()), "&move=fly")
-        check(at[axis] * sign > 0.1 and all(abs(at[k]) < 1e-3 for k in range(3) if k != axis), f"{name} moves the camera: {at}")
+        check(
+            at[axis] * sign > 0.1 and all(abs(at[k]) < 1e-3 for k in range(3) if k != axis),
+            f"{name} moves the camera: {at}",
+        )
     for name, (axis, sign) in orbit.items():
         (at, to), _ = from_start(lambda: hold(name), "&move=fly")
         check(at == [0, 0, 0] and to[axis] * sign > 0.1, f"{name} looks around: {at}, {to}")
@@ -410,29 +502,51 @@ def check_drag(browser, site):
                 at.append(pose(browser))
             glided, later = math.dist(*[a[0] + a[1] for a in at[:2]]), math.dist(*[a[0] + a[1] for a in at[1:]])
             check(later == 0, f"{move}, {motion}: it comes to rest")
-            check(glided > 0.1 if motion == "no-preference" else glided == 0, f"{move}, {motion}: it goes on by {glided} after the mouse is released")
+            check(
+                glided > 0.1 if motion == "no-preference" else glided == 0,
+                f"{move}, {motion}: it goes on by {glided} after the mouse is released",
+            )
             ends.append(at[-1])
     browser.call("Emulation.setEmulatedMedia", features=[])
-    check(all(math.dist(a, b) < 0.02 for first, second in zip(ends[:2], ends[2:]) for a, b in zip(first, second)), f"as far with less motion: {ends}")
+    check(
+        all(math.dist(a, b) < 0.02 for first, second in zip(ends[:2], ends[2:]) for a, b in zip(first, second)),
+        f"as far with less motion: {ends}",
+    )
 
 
 def check_focus(browser, site):
     """A double click turns to what is there, and the camera moves around it from then on."""
     fresh(browser, site.url + "#from=0,0,-4&to=0,0,0")
-    middle = browser.evaluate("(({ clientWidth, clientHeight }) => [clientWidth / 2, clientHeight / 2])(document.getElementById('canvas'))")
-    twice = lambda x, y: [browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=2) for kind in ("mousePressed", "mouseReleased")]
+    middle = browser.evaluate(
+        "(({ clientWidth, clientHeight }) => [clientWidth / 2, clientHeight / 2])(document.getElementById('canvas'))"
+    )
+    twice = lambda x, y: [
+        browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=2)
+        for kind in ("mousePressed", "mouseReleased")
+    ]
     twice(5, 5)
-    check(fragment(browser) == "#from=0,0,-4&to=0,0,0&fov=45.24", f"there is nothing to turn to: {browser.evaluate('location.hash')}")
+    check(
+        fragment(browser) == "#from=0,0,-4&to=0,0,0&fov=45.24",
+        f"there is nothing to turn to: {browser.evaluate('location.hash')}",
+    )
     twice(middle[0] + 90, middle[1] - 60)
     wait_for(browser, "!location.hash.includes('&to=0,0,0&')", "it turns")
     time.sleep(1)
     at, to = pose(browser)
-    check(at == [0, 0, -4] and abs(math.hypot(*to) - 1) < 0.15, f"to the surface of the ball, from where it is: {at}, {to}")
+    check(
+        at == [0, 0, -4] and abs(math.hypot(*to) - 1) < 0.15,
+        f"to the surface of the ball, from where it is: {at}, {to}",
+    )
     check(to[0] > 0.2 and to[1] < -0.1 and to[2] < -0.5, f"where the click was: {to}")
     key(browser, "ArrowLeft")
     fragment(browser)
     turned, same = pose(browser)
-    check(math.dist(to, same) < 1e-3 and math.dist(turned, at) > 0.1 and abs(math.dist(turned, to) - math.dist(at, to)) < 1e-2, f"keys turn around it: {turned}, {same}")
+    check(
+        math.dist(to, same) < 1e-3
+        and math.dist(turned, at) > 0.1
+        and abs(math.dist(turned, to) - math.dist(at, to)) < 1e-2,
+        f"keys turn around it: {turned}, {same}",
+    )
 
 
 def check_speed(browser, site):
@@ -449,7 +563,7 @@ def check_speed(browser, site):
         browser.call("Input.dispatchKeyEvent", type="keyUp", key="s")
         passes(browser, 50)
         ways.append(math.dist(before, pose(browser)[0]))
-    check(abs(ways[1] / ways[0] - 1.25 ** 3) < 0.01, f"the wheel makes flying faster: {ways}")
+    check(abs(ways[1] / ways[0] - 1.25**3) < 0.01, f"the wheel makes flying faster: {ways}")
     check(browser.evaluate("document.getElementById('said').textContent") == "Speed × 2", "and says by how much")
 
 
@@ -458,28 +572,51 @@ def check_help_on_phone(browser, site):
     browser.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
     fresh(browser, site.url)
     click(browser, "open-help")
-    narrow = browser.evaluate("[...document.querySelectorAll('#help :is(p, dd)')].filter(e => e.clientWidth < 180).map(e => e.textContent)")
+    narrow = browser.evaluate(
+        "[...document.querySelectorAll('#help :is(p, dd)')].filter(e => e.clientWidth < 180).map(e => e.textContent)"
+    )
     check(narrow == [], f"narrower than they are long: {narrow}")
-    check(browser.evaluate("(({ left, right }) => left >= 0 && right <= 390)(document.getElementById('help').getBoundingClientRect())"), "it is within the screen")
-    check(browser.evaluate("(h => h.scrollWidth <= h.clientWidth)(document.getElementById('help'))"), "and needs no scrolling aside")
+    check(
+        browser.evaluate(
+            "(({ left, right }) => left >= 0 && right <= 390)(document.getElementById('help').getBoundingClientRect())"
+        ),
+        "it is within the screen",
+    )
+    check(
+        browser.evaluate("(h => h.scrollWidth <= h.clientWidth)(document.getElementById('help'))"),
+        "and needs no scrolling aside",
+    )
     check(browser.evaluate("document.getElementById('help').scrollTop") == 0, "it begins at its beginning")
     browser.call("Emulation.clearDeviceMetricsOverride")
 
 
 def check_embedded(browser, site):
     fresh(browser, site.url + "?embed#view=2&background=ffffff")
-    visible = browser.evaluate("[...document.querySelectorAll('button, select, input, a')].filter(c => c.checkVisibility()).map(c => c.id)")
+    visible = browser.evaluate(
+        "[...document.querySelectorAll('button, select, input, a')].filter(c => c.checkVisibility()).map(c => c.id)"
+    )
     check(visible == [], f"embedded, there are no controls: {visible}")
-    check(browser.evaluate("document.getElementById('canvas').clientWidth === innerWidth && document.getElementById('canvas').clientHeight === innerHeight"), "the picture is all")
+    check(
+        browser.evaluate(
+            "document.getElementById('canvas').clientWidth === innerWidth && document.getElementById('canvas').clientHeight === innerHeight"
+        ),
+        "the picture is all",
+    )
     key(browser, "ArrowLeft")
     check(fragment(browser).startswith("#from="), "keys move the camera")
     browser.evaluate("location.hash = ''")
     for kind, x in (("mousePressed", 300), ("mouseMoved", 400), ("mouseReleased", 400)):
         browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=300, button="left", buttons=1, clickCount=1)
     check(fragment(browser).startswith("#from="), "and the mouse")
-    (site.folder / "page.html").write_text("<iframe src='index.html?embed#mode=base' width='640' height='480' title='A scene'></iframe>")
+    (site.folder / "page.html").write_text(
+        "<iframe src='index.html?embed#mode=base' width='640' height='480' title='A scene'></iframe>"
+    )
     browser.open(site.url + "page.html")
-    wait_for(browser, "frames[0].gsapp && frames[0].document.body.matches('.embedded.loaded')", "another page shows it in a frame")
+    wait_for(
+        browser,
+        "frames[0].gsapp && frames[0].document.body.matches('.embedded.loaded')",
+        "another page shows it in a frame",
+    )
 
 
 def check_film(browser, site, downloads):
@@ -490,7 +627,10 @@ def check_film(browser, site, downloads):
     add()
     click(browser, "next")
     key(browser, "k", "k")
-    check(browser.evaluate("document.getElementById('keyframes').children.length") == 2, "a button and a key add keyframes")
+    check(
+        browser.evaluate("document.getElementById('keyframes').children.length") == 2,
+        "a button and a key add keyframes",
+    )
     click(browser, "reset")
     browser.evaluate("document.querySelector('[aria-label=\"Go to keyframe 2\"]').click()")
     check((at := fragment(browser)).startswith("#from=3.4,0,-2.2&to="), f"a keyframe is gone to: {at}")
@@ -503,16 +643,28 @@ def check_film(browser, site, downloads):
     click(browser, "save-cameras")
     name, data = downloads.take("a path")
     cameras = json.loads(data)
-    check((name, len(cameras), [c["keyframe"] for c in cameras].count(True)) == ("cameras.json", 20, 2), f"it has all pictures: {name}, {len(cameras)}")
+    check(
+        (name, len(cameras), [c["keyframe"] for c in cameras].count(True)) == ("cameras.json", 20, 2),
+        f"it has all pictures: {name}, {len(cameras)}",
+    )
     first, last = cameras[0], cameras[-1]
     close = lambda a, b: all(abs(x - y) < 1e-5 for x, y in zip(a, b, strict=True))
-    check(close(first["position"], [0, 0, -4]) and close(last["position"], [3.4, 0, -2.2]), "from the first test view to the second")
+    check(
+        close(first["position"], [0, 0, -4]) and close(last["position"], [3.4, 0, -2.2]),
+        "from the first test view to the second",
+    )
     columns = list(zip(*last["rotation"]))  # right, down, forward
-    check(close(columns[2], unit([-3.4, 0, 2.2])) and close(columns[1], [0, 1, 0]), f"rotations are from camera to world: {columns}")
+    check(
+        close(columns[2], unit([-3.4, 0, 2.2])) and close(columns[1], [0, 1, 0]),
+        f"rotations are from camera to world: {columns}",
+    )
     check((first["width"], first["height"], first["fx"], first["fy"]) == (100, 100, 120, 120), "with the lens")
     click(browser, "save-nerfstudio")
     name, path = downloads.take("a path for nerfstudio")
-    check((name, len(json.loads(path)["camera_path"]), json.loads(path)["seconds"]) == ("camera_path.json", 20, 2), "the other form as well")
+    check(
+        (name, len(json.loads(path)["camera_path"]), json.loads(path)["seconds"]) == ("camera_path.json", 20, 2),
+        "the other form as well",
+    )
 
     for text in (data, path):
         fresh(browser, site.url)
@@ -524,12 +676,21 @@ def check_film(browser, site, downloads):
         wait_for(browser, "document.getElementById('keyframes').children.length === 2", "the keyframes are read again")
         check((at := fragment(browser)).startswith("#from=0,0,-4&"), f"and the first is shown: {at}")
     browser.evaluate(load.replace("camera_to_world", "something"))
-    wait_for(browser, f"{said}.includes('camera 1: camera_to_world is not 16 numbers')", "a bad path is refused with a reason")
+    wait_for(
+        browser,
+        f"{said}.includes('camera 1: camera_to_world is not 16 numbers')",
+        "a bad path is refused with a reason",
+    )
     check(browser.evaluate("document.getElementById('keyframes').children.length") == 2, "the keyframes stay")
 
     set_input(browser, "seconds", 1)
     click(browser, "play-path")
-    check(browser.evaluate("document.getElementById('record-path').disabled && !document.getElementById('stop-film').disabled"), "while it plays there is a way to stop it")
+    check(
+        browser.evaluate(
+            "document.getElementById('record-path').disabled && !document.getElementById('stop-film').disabled"
+        ),
+        "while it plays there is a way to stop it",
+    )
     wait_for(browser, "document.getElementById('stop-film').disabled", "it ends")
     check((at := fragment(browser)).startswith("#from=3.4,0,-2.2&"), f"where the path does: {at}")
     check(browser.evaluate(said) == "", "without complaint")
@@ -538,7 +699,9 @@ def check_film(browser, site, downloads):
     browser.press("Escape", 27)
     wait_for(browser, "document.getElementById('stop-film').disabled", "Escape stops it")
 
-    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=480, deviceScaleFactor=1, mobile=False)  # drawn in software, more pictures of it fit into a second
+    browser.call(
+        "Emulation.setDeviceMetricsOverride", width=360, height=480, deviceScaleFactor=1, mobile=False
+    )  # drawn in software, more pictures of it fit into a second
     set_input(browser, "seconds", 4)
     wait_for(browser, "document.getElementById('canvas').width === 360", "the canvas is smaller")
     size = browser.evaluate("[document.getElementById('canvas').width, document.getElementById('canvas').height]")
@@ -546,7 +709,10 @@ def check_film(browser, site, downloads):
     for button in ("record-turntable", "record-path"):
         click(browser, button)
         name, films[button] = downloads.take("a video", 60)
-        check(name == "video.webm" and films[button][:4] == b"\x1a\x45\xdf\xa3", f"it is WebM: {name}, {films[button][:8]}")
+        check(
+            name == "video.webm" and films[button][:4] == b"\x1a\x45\xdf\xa3",
+            f"it is WebM: {name}, {films[button][:8]}",
+        )
     check("Saved" in browser.evaluate(said), "saving is said")
     browser.evaluate("window.MediaRecorder = undefined")
     click(browser, "record-turntable")
@@ -557,7 +723,8 @@ def check_film(browser, site, downloads):
     browser.open(site.url + "player.html")
     for button, film in films.items():
         (site.folder / f"{button}.webm").write_bytes(film)
-        seen = browser.evaluate(f"""new Promise((resolve, reject) => {{
+        seen = browser.evaluate(
+            f"""new Promise((resolve, reject) => {{
             const video = document.querySelector('video'), context = new OffscreenCanvas(64, 64).getContext('2d', {{ willReadFrequently: true }}), pictures = new Set();
             const look = () => {{
                 context.drawImage(video, 0, 0, 64, 64);
@@ -569,8 +736,12 @@ def check_film(browser, site, downloads):
             video.onended = () => resolve([video.videoWidth, video.videoHeight, video.currentTime, pictures.size]);
             video.src = '{button}.webm';
             video.play();
-        }})""")
-        check(all(abs(a - b) <= 1 for a, b in zip(seen, size)) and 2 < seen[2] < 12 and seen[3] > 3, f"{button}: it plays, in motion: {seen}, canvas {size}")
+        }})"""
+        )
+        check(
+            all(abs(a - b) <= 1 for a, b in zip(seen, size)) and 2 < seen[2] < 12 and seen[3] > 3,
+            f"{button}: it plays, in motion: {seen}, canvas {size}",
+        )
 
 
 def check_lost_device(browser, site):
@@ -593,14 +764,24 @@ def check_lost_device(browser, site):
         browser.evaluate("document.querySelector('[value=base]').click()")
         moved, name = fragment(browser), browser.evaluate("document.getElementById('name').textContent")
         check("device was lost" in browser.evaluate(lose), "a lost device is noticed")
-        wait_for(browser, "document.body.matches('.loaded') && document.getElementById('notice').hidden", f"a model {how} comes back with the device")
-        check(((at := fragment(browser)), browser.evaluate("document.getElementById('name').textContent")) == (moved, name), f"seen as before: {at}, {moved}")
+        wait_for(
+            browser,
+            "document.body.matches('.loaded') && document.getElementById('notice').hidden",
+            f"a model {how} comes back with the device",
+        )
+        check(
+            ((at := fragment(browser)), browser.evaluate("document.getElementById('name').textContent"))
+            == (moved, name),
+            f"seen as before: {at}, {moved}",
+        )
         check(browser.evaluate(pixels) == before, "with the same pictures")
     fresh(browser, site.url)
     browser.call("Network.setCacheDisabled", cacheDisabled=True)
     (site.folder / "scene.ngsplat").rename(site.folder / "elsewhere.ngsplat")
     browser.evaluate(lose)
-    wait_for(browser, "document.getElementById('notice').innerText.includes('404')", "a model that is gone is said to be")
+    wait_for(
+        browser, "document.getElementById('notice').innerText.includes('404')", "a model that is gone is said to be"
+    )
     (site.folder / "elsewhere.ngsplat").rename(site.folder / "scene.ngsplat")
     browser.errors = [e for e in browser.errors if "404" not in e]
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opens a run's .ply, .splat and .spz in the web viewer and compares their pictures with those of its .ngsplat and with gsapp's own.
+"""Opens a run's .ply, .splat and .spz in the web viewer and compares their pictures with those of its .ngsplat and with
+gsapp's own.
 
-Usage: viewer_formats_test.py GSAPP VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium, or no viewer there.
+Usage: viewer_formats_test.py GSAPP VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no
+Chromium, or no viewer there.
 """
 
 import gzip
@@ -19,7 +21,20 @@ from site_server import PSNR, SOFTWARE_WEBGL, Site, open_viewer, wait_for
 from viewer_scenes import Downloads
 
 # All three degrees of sh are active at the end.
-TRAIN = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "3000", "--iterations", "3200", "--eval", "--device", "cpu", "--quiet"]
+TRAIN = [
+    "-s",
+    "builtin:glossy",
+    "-r",
+    "4",
+    "--cap-max",
+    "3000",
+    "--iterations",
+    "3200",
+    "--eval",
+    "--device",
+    "cpu",
+    "--quiet",
+]
 VIEWS = (0, 3, 7)
 # 51 and more were measured; 38 would still look the same.
 LEAST_PSNR = 45
@@ -57,15 +72,18 @@ def ply_rows(data):
     end = data.index(b"end_header\n") + len(b"end_header\n")
     names = [line.split()[2] for line in data[:end].decode().splitlines() if line.startswith("property float")]
     count = (len(data) - end) // (4 * len(names))
-    return [dict(zip(names, struct.unpack_from(f"<{len(names)}f", data, end + 4 * len(names) * i))) for i in range(count)]
+    return [
+        dict(zip(names, struct.unpack_from(f"<{len(names)}f", data, end + 4 * len(names) * i))) for i in range(count)
+    ]
 
 
 def spz_of(ply):
-    """Version 3, whose axes are right, up and back: y and z change their sign, and so do some of the basis functions."""
+    """Version 3, whose axes are right, up and back: y and z change their sign, and so do some of the basis
+    functions."""
     turned = [-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1]
     byte = lambda x: min(max(round(x), 0), 255)
     rows = ply_rows(ply)
-    out = struct.pack("<3I4B", 0x5053474e, 3, len(rows), 3, 12, 0, 0)
+    out = struct.pack("<3I4B", 0x5053474E, 3, len(rows), 3, 12, 0, 0)
     for row in rows:
         for name, sign in zip("xyz", (1, -1, -1)):
             out += struct.pack("<i", round(4096 * sign * row[name]))[:3]
@@ -82,15 +100,29 @@ def spz_of(ply):
                 value = quaternion[k] * math.copysign(1, quaternion[largest]) / math.hypot(*quaternion)
                 word = word << 10 | (value < 0) << 9 | int(511 * abs(value) * math.sqrt(2) + 0.5)
         out += struct.pack("<I", word)
-    out += bytes(byte(128 * turned[k] * row[f"f_rest_{15 * c + k}"] + 128) for row in rows for k in range(15) for c in range(3))
+    out += bytes(
+        byte(128 * turned[k] * row[f"f_rest_{15 * c + k}"] + 128) for row in rows for k in range(15) for c in range(3)
+    )
     return gzip.compress(out)
 
 
 def pose(entry):
     """A camera of cameras.json as the page takes it."""
     columns = list(zip(*entry["rotation"]))
-    return json.dumps({"right": columns[0], "down": columns[1], "forward": columns[2], "position": entry["position"], "fx": entry["fx"], "fy": entry["fy"],
-                       "cx": entry["width"] / 2, "cy": entry["height"] / 2, "width": entry["width"], "height": entry["height"]})
+    return json.dumps(
+        {
+            "right": columns[0],
+            "down": columns[1],
+            "forward": columns[2],
+            "position": entry["position"],
+            "fx": entry["fx"],
+            "fy": entry["fy"],
+            "cx": entry["width"] / 2,
+            "cy": entry["height"] / 2,
+            "width": entry["width"],
+            "height": entry["height"],
+        }
+    )
 
 
 # Drops a file of the site, under a name.
@@ -103,11 +135,15 @@ DROP = """(async () => {
 
 def drop(browser, name, path, title=None):
     browser.evaluate(DROP % (path, json.dumps(name)))
-    wait_for(browser, f"document.getElementById('name').textContent === {json.dumps(title or name)}", f"{name} is shown")
+    wait_for(
+        browser, f"document.getElementById('name').textContent === {json.dumps(title or name)}", f"{name} is shown"
+    )
 
 
 def message(browser):
-    return browser.evaluate("document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText")
+    return browser.evaluate(
+        "document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText"
+    )
 
 
 def compare(browser, cameras, name, mode, least):
@@ -117,7 +153,14 @@ def compare(browser, cameras, name, mode, least):
         pixels = f"gsapp.viewPixels({pose(cameras[view])}, '{mode}')"
         close.append(browser.evaluate(PSNR_OF_PIXELS % (pixels, index)))
         own.append(browser.evaluate(PSNR % (f"(await {pixels}).pixels", f"reference/{mode}/{view:05}.png")))
-    print(f"{name:12} {mode:5} against .ngsplat " + " ".join(f"{v:6.2f}" for v in close) + ", against gsapp " + " ".join(f"{v:6.2f}" for v in own) + " dB", flush=True)
+    print(
+        f"{name:12} {mode:5} against .ngsplat "
+        + " ".join(f"{v:6.2f}" for v in close)
+        + ", against gsapp "
+        + " ".join(f"{v:6.2f}" for v in own)
+        + " dB",
+        flush=True,
+    )
     check(min(close) >= least, f"{name}: PSNR of at least {least} dB against scene.ngsplat")
     check(min(own) >= least, f"{name}: PSNR of at least {least} dB against gsapp's own picture")
 
@@ -125,7 +168,9 @@ def compare(browser, cameras, name, mode, least):
 def keep(browser, mode):
     """The pictures of the model that is shown."""
     for index, view in enumerate(VIEWS):
-        browser.evaluate(f"(async () => {{ (window.wantedPixels ??= [])[{index}] = (await gsapp.testViewPixels({view}, '{mode}')).pixels; }})()")
+        browser.evaluate(
+            f"(async () => {{ (window.wantedPixels ??= [])[{index}] = (await gsapp.testViewPixels({view}, '{mode}')).pixels; }})()"
+        )
 
 
 def check_remarks(browser, folder):
@@ -153,14 +198,25 @@ def check_refused(browser, folder):
         "cut.spz": ((folder / "model.spz").read_bytes()[:-20], "truncated"),
         "bundle.sog": (b"PK\3\4" + bytes(100), "splat-transform in.sog out.ply"),
         "other.ksplat": (bytes(100), "splat-transform in.ksplat out.ply"),
-        "mesh.ply": (b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n" + bytes(12), "no property scale_0"),
+        "mesh.ply": (
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+            + bytes(12),
+            "no property scale_0",
+        ),
     }
     for name, (data, words) in bad.items():
         (folder / name).write_bytes(data)
         browser.evaluate(DROP % (name, json.dumps(name)))
-        wait_for(browser, "document.getElementById('notice-title').textContent === " + json.dumps(f"{name} cannot be read"), f"a message about {name}")
+        wait_for(
+            browser,
+            "document.getElementById('notice-title').textContent === " + json.dumps(f"{name} cannot be read"),
+            f"a message about {name}",
+        )
         check(words in message(browser), f"it says what is wrong with {name}: {message(browser)}")
-        check(browser.evaluate("document.getElementById('name').textContent") == "broken.ply", "the model before is still there")
+        check(
+            browser.evaluate("document.getElementById('name').textContent") == "broken.ply",
+            "the model before is still there",
+        )
         browser.evaluate("document.getElementById('dismiss').click()")
 
 
@@ -173,14 +229,21 @@ def check_chosen(browser, folder):
             shutil.copy(folder / f"model.{suffix}", folder / name)
             if button == "open-notice":
                 browser.evaluate(DROP % ("mesh.ply", json.dumps("mesh.ply")))
-                wait_for(browser, "document.getElementById('open-notice').checkVisibility()", "another file is asked for")
+                wait_for(
+                    browser, "document.getElementById('open-notice').checkVisibility()", "another file is asked for"
+                )
             browser.choose_file(button, folder / name)
-            wait_for(browser, f"document.getElementById('name').textContent === '{name}' && document.getElementById('notice').hidden", f"{name} is shown")
+            wait_for(
+                browser,
+                f"document.getElementById('name').textContent === '{name}' && document.getElementById('notice').hidden",
+                f"{name} is shown",
+            )
             check(f"{count:,}" in browser.evaluate("document.getElementById('info').textContent"), f"all of {name}")
 
 
 def check_path(browser, gsapp, folder):
-    """Keyframes that the page saves, in both forms, as gsapp renders them: a test view, and a pose that belongs to none."""
+    """Keyframes that the page saves, in both forms, as gsapp renders them: a test view, and a pose that belongs to
+    none."""
     saved = folder / "saved"
     saved.mkdir()
     downloads = Downloads(browser, saved)
@@ -191,7 +254,9 @@ def check_path(browser, gsapp, folder):
     browser.evaluate("document.getElementById('canvas').focus()")
     for _ in range(3):
         browser.press("ArrowLeft", 37)
-    wait_for(browser, "document.getElementById('camera').selectedOptions[0].textContent === 'Free'", "the camera has moved")
+    wait_for(
+        browser, "document.getElementById('camera').selectedOptions[0].textContent === 'Free'", "the camera has moved"
+    )
     press("add-keyframe")
     files = {}
     for button in ("save-cameras", "save-nerfstudio"):
@@ -204,9 +269,15 @@ def check_path(browser, gsapp, folder):
     for button in files:
         pictures = sorted((folder / button).rglob("*.png"))
         check(len(pictures) == len(cameras) == 3, f"{button}: every picture is rendered: {pictures}")
-        seen = [browser.evaluate(PSNR % (f"(await gsapp.{pixels}).pixels", picture.relative_to(folder))) for pixels, picture in zip(own, (pictures[0], pictures[-1]))]
+        seen = [
+            browser.evaluate(PSNR % (f"(await gsapp.{pixels}).pixels", picture.relative_to(folder)))
+            for pixels, picture in zip(own, (pictures[0], pictures[-1]))
+        ]
         print(f"{button:15} against gsapp " + " ".join(f"{v:6.2f}" for v in seen) + " dB", flush=True)
-        check(min(seen) >= LEAST_PSNR_OF_PATH, f"{button}: PSNR of at least {LEAST_PSNR_OF_PATH} dB against gsapp's pictures")
+        check(
+            min(seen) >= LEAST_PSNR_OF_PATH,
+            f"{button}: PSNR of at least {LEAST_PSNR_OF_PATH} dB against gsapp's pictures",
+        )
 
 
 def check_address(browser, url, name):
@@ -224,7 +295,10 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         shutil.copytree(viewer, folder, dirs_exist_ok=True)
-        check(all(name in (viewer / "LICENSES.txt").read_text() for name in ("three.js authors", "fzstd")), "the notice of what is bundled is there")
+        check(
+            all(name in (viewer / "LICENSES.txt").read_text() for name in ("three.js authors", "fzstd")),
+            "the notice of what is bundled is there",
+        )
         cameras = make_files(gsapp, folder)
         site = Site(folder)
         with Browser(program, width=800, height=600, flags=SOFTWARE_WEBGL) as browser:

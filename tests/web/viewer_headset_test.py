@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shows a model in a headset that an emulator of WebXR stands for: both eyes, sticks, and back to the page.
 
-Usage: viewer_headset_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium, no viewer there, or no emulator.
+Usage: viewer_headset_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no
+Chromium, no viewer there, or no emulator.
 """
 
 import pathlib
@@ -40,7 +41,9 @@ EYES = """(() => {
         side[1] += (x %% half) / half;
     }
     return sums.map(([count, along]) => [count / (half * h), along / count]);
-})()""" % [round(255 * x) for x in BACKGROUND]
+})()""" % [
+    round(255 * x) for x in BACKGROUND
+]
 
 
 def eyes(browser):
@@ -60,7 +63,11 @@ def check_headset(program, site):
     with Browser(program, width=640, height=360, flags=SOFTWARE_WEBGL) as browser:
         browser.call("Page.addScriptToEvaluateOnNewDocument", source=EMULATOR.read_text() + PUT_ON)
         open_viewer(browser, site.url)
-        wait_for(browser, f"{BUTTON}.checkVisibility() && {BUTTON}.textContent === 'Enter VR'", "with a headset there is a button")
+        wait_for(
+            browser,
+            f"{BUTTON}.checkVisibility() && {BUTTON}.textContent === 'Enter VR'",
+            "with a headset there is a button",
+        )
         check_accessible(browser, "with a headset")
         browser.call("Runtime.evaluate", expression=f"{BUTTON}.click()", userGesture=True)
         wait_for(browser, f"{BUTTON}.textContent === 'Leave VR'", "it is entered")
@@ -69,7 +76,10 @@ def check_headset(program, site):
         check(at_left > at_right + 0.01, f"the left eye has it farther to the right: {first}")
         browser.evaluate("device.position.set(0, 0, -0.7)")
         near = eyes(browser)
-        check(near[0][0] > 1.5 * left and near[1][0] > 1.5 * right, f"a head that comes closer sees it larger: {near}, before {first}")
+        check(
+            near[0][0] > 1.5 * left and near[1][0] > 1.5 * right,
+            f"a head that comes closer sees it larger: {near}, before {first}",
+        )
         browser.evaluate("device.position.set(0, 0, 0)")
         browser.evaluate("device.controllers.left.updateAxes('thumbstick', 0, -1)")
         browser.evaluate("new Promise(resolve => setTimeout(resolve, 500))")
@@ -84,14 +94,21 @@ def check_headset(program, site):
         wait_for(browser, f"{BUTTON}.textContent === 'Enter VR'", "it is left")
         browser.evaluate("document.getElementById('reset').click()")
         whole = browser.evaluate("gsapp.testViewPixels(0, 'full').then(v => v.pixels.some(p => p > 100))")
-        check(whole and message(browser) == "" and browser.evaluate("document.getElementById('canvas').closest('#stage') !== null"), "the page draws again")
+        check(
+            whole
+            and message(browser) == ""
+            and browser.evaluate("document.getElementById('canvas').closest('#stage') !== null"),
+            "the page draws again",
+        )
         check(browser.errors == [], f"the console is silent: {browser.errors}")
 
 
 def main():
     program, viewer = find_chromium(), pathlib.Path(sys.argv[1])
     if program is None or not (viewer / "index.html").exists() or not EMULATOR.exists():
-        print("skipped: no chromium on PATH, the viewer is not built (scripts/build-viewer), or there is no emulator (npm ci in apps/viewer)")
+        print(
+            "skipped: no chromium on PATH, the viewer is not built (scripts/build-viewer), or there is no emulator (npm ci in apps/viewer)"
+        )
         return 77
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name) / "site"

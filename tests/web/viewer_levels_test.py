@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shows coarser levels of a model in the web viewer: as told, where memory is short, where frames are slow, and where the device was lost.
+"""Shows coarser levels of a model in the web viewer: as told, where memory is short, where frames are slow, and where
+the device was lost.
 
 Usage: viewer_levels_test.py GSAPP. Exit status 77: no Chromium, or a gsapp without the viewer.
 """
@@ -13,8 +14,25 @@ import tempfile
 from browser import Browser, find_chromium, check, check_accessible
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
-SCENE = ["-s", "builtin:glossy", "-r", "4", "--device", "cpu", "--quiet", "--appearance", "none", "--iterations", "500",
-         "--densification-interval", "10", "--densify-until-iter", "450", "--cap-max", "17000"]
+SCENE = [
+    "-s",
+    "builtin:glossy",
+    "-r",
+    "4",
+    "--device",
+    "cpu",
+    "--quiet",
+    "--appearance",
+    "none",
+    "--iterations",
+    "500",
+    "--densification-interval",
+    "10",
+    "--densify-until-iter",
+    "450",
+    "--cap-max",
+    "17000",
+]
 PIXELS = "gsapp.testViewPixels(2, 'full').then(v => v.pixels.join())"
 
 
@@ -28,15 +46,23 @@ def count(browser):
 
 
 def message(browser):
-    return browser.evaluate("document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText")
+    return browser.evaluate(
+        "document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText"
+    )
 
 
 def choose(browser, name, value):
-    browser.evaluate(f"{{ const list = document.getElementById('{name}'); list.value = '{value}'; list.dispatchEvent(new Event('change')); }}")
+    browser.evaluate(
+        f"{{ const list = document.getElementById('{name}'); list.value = '{value}'; list.dispatchEvent(new Event('change')); }}"
+    )
 
 
 def wait_for_state(browser, words):
-    wait_for(browser, f"document.getElementById('detail-state').textContent.includes('{words}')", f"what is shown is said to be so '{words}'")
+    wait_for(
+        browser,
+        f"document.getElementById('detail-state').textContent.includes('{words}')",
+        f"what is shown is said to be so '{words}'",
+    )
 
 
 def fresh(browser, url, script=""):
@@ -62,23 +88,36 @@ def without_memory(length):
 
 def move(browser, frames):
     """Turns the camera, a step in every frame."""
-    browser.evaluate(f"""(async () => {{
+    browser.evaluate(
+        f"""(async () => {{
         const canvas = document.getElementById('canvas');
         canvas.focus();
         for (let i = 0; i < {frames}; ++i) {{
             canvas.dispatchEvent(new KeyboardEvent('keydown', {{ key: 'ArrowLeft', code: 'ArrowLeft', bubbles: true }}));
             await new Promise(resolve => requestAnimationFrame(resolve));
         }}
-    }})()""")
+    }})()"""
+    )
 
 
 def check_choice(browser, site, levels):
     fresh(browser, site.url)
     wait_for_state(browser, "all of them")
-    check(count(browser) == levels[0]["num_gaussians"] and f"{levels[0]['psnr']:.2f} dB" in state(browser), f"all of it is shown first: {state(browser)}")
+    check(
+        count(browser) == levels[0]["num_gaussians"] and f"{levels[0]['psnr']:.2f} dB" in state(browser),
+        f"all of it is shown first: {state(browser)}",
+    )
     names = browser.evaluate("[...document.getElementById('detail').options].map(o => o.textContent)")
-    check(names[0] == "Automatic" and names[1].startswith("All: ") and names[3].startswith("1/4: ") and len(names) == 1 + len(levels), f"the choices: {names}")
-    check(all(f"{level['psnr']:.2f} dB" in name for level, name in zip(levels, names[1:])), f"each with its PSNR: {names}")
+    check(
+        names[0] == "Automatic"
+        and names[1].startswith("All: ")
+        and names[3].startswith("1/4: ")
+        and len(names) == 1 + len(levels),
+        f"the choices: {names}",
+    )
+    check(
+        all(f"{level['psnr']:.2f} dB" in name for level, name in zip(levels, names[1:])), f"each with its PSNR: {names}"
+    )
     whole = browser.evaluate(PIXELS)
     choose(browser, "camera", 2)
     choose(browser, "detail", 2)
@@ -122,11 +161,20 @@ def check_full_memory(browser, site, levels):
     """An array that finds no memory while a file is read."""
     fresh(browser, site.url, without_memory(levels[0]["num_gaussians"]))
     wait_for_state(browser, "little memory")
-    check(count(browser) == levels[1]["num_gaussians"] and message(browser) == "", f"a coarser level is shown without a word: {count(browser)}, '{message(browser)}'")
+    check(
+        count(browser) == levels[1]["num_gaussians"] and message(browser) == "",
+        f"a coarser level is shown without a word: {count(browser)}, '{message(browser)}'",
+    )
     fresh(browser, site.url + "?model=scene.ngsplat", without_memory(levels[0]["num_gaussians"]))
-    check("scene.ngsplat cannot be shown" in message(browser) and "The memory does not suffice for this file." in message(browser),
-          f"where there is none, a message says so: {message(browser)}")
-    check("allocation" not in message(browser) and not browser.evaluate("document.body.classList.contains('loaded')"), f"in plain words, and nothing is half there: {message(browser)}")
+    check(
+        "scene.ngsplat cannot be shown" in message(browser)
+        and "The memory does not suffice for this file." in message(browser),
+        f"where there is none, a message says so: {message(browser)}",
+    )
+    check(
+        "allocation" not in message(browser) and not browser.evaluate("document.body.classList.contains('loaded')"),
+        f"in plain words, and nothing is half there: {message(browser)}",
+    )
     check(browser.errors == [], f"the console is silent: {browser.errors}")
 
 
@@ -164,16 +212,29 @@ def check_speed(browser, site, levels):
 def check_lost_device(browser, site, levels):
     fresh(browser, site.url, CLOCK)
     wait_for_state(browser, "all of them")
-    browser.evaluate("window.lost = document.getElementById('canvas').getContext('webgl2').getExtension('WEBGL_lose_context'); lost.loseContext()")
-    wait_for(browser, "document.getElementById('notice-text').textContent.includes('coarser level')", "the message says what comes back")
+    browser.evaluate(
+        "window.lost = document.getElementById('canvas').getContext('webgl2').getExtension('WEBGL_lose_context'); lost.loseContext()"
+    )
+    wait_for(
+        browser,
+        "document.getElementById('notice-text').textContent.includes('coarser level')",
+        "the message says what comes back",
+    )
     browser.evaluate("lost.restoreContext()")
-    wait_for(browser, "document.body.classList.contains('loaded') && document.getElementById('notice').hidden", "a model is there again")
+    wait_for(
+        browser,
+        "document.body.classList.contains('loaded') && document.getElementById('notice').hidden",
+        "a model is there again",
+    )
     wait_for_state(browser, "little memory")
     check(count(browser) == levels[1]["num_gaussians"], f"a coarser one: {count(browser)}")
     be_fast(browser)
     for _ in range(30):
         move(browser, 20)
-    check("little memory" in state(browser) and count(browser) == levels[1]["num_gaussians"], f"what it could not hold stays away: {state(browser)}")
+    check(
+        "little memory" in state(browser) and count(browser) == levels[1]["num_gaussians"],
+        f"what it could not hold stays away: {state(browser)}",
+    )
     browser.call("Emulation.clearDeviceMetricsOverride")
 
 
@@ -194,7 +255,10 @@ def check_obstacles(browser, site, folder, levels):
     fresh(browser, site.url, memory_of(1e-6))
     check(browser.evaluate(PIXELS) == whole, "without levels all of it is shown, whatever the memory")
     fresh(browser, site.url, without_memory(levels[0]["num_gaussians"]))
-    check("does not suffice for this file. gsapp export --lod" in message(browser), f"and where that is too little, it is said: {message(browser)}")
+    check(
+        "does not suffice for this file. gsapp export --lod" in message(browser),
+        f"and where that is too little, it is said: {message(browser)}",
+    )
 
 
 def check_training_views(browser, gsapp, folder):
@@ -207,7 +271,10 @@ def check_training_views(browser, gsapp, folder):
     check(names[:2] == ["Free", "Training view 1"] and len(names) > 5, f"views to jump to: {names}")
     info = browser.evaluate("document.getElementById('info').innerText")
     check("Training views" in info and "Test views" not in info, f"they are called what they are: {info}")
-    check("Training view 1" == browser.evaluate("document.getElementById('camera').selectedOptions[0].textContent"), "the first of them is shown first")
+    check(
+        "Training view 1" == browser.evaluate("document.getElementById('camera').selectedOptions[0].textContent"),
+        "the first of them is shown first",
+    )
 
 
 def run_gsapp(*arguments):

@@ -17,7 +17,7 @@ from viewer_scenes import drop
 
 # Arguments of gsapp train. All degrees of sh and neural have joined at a tenth of a run.
 GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "5000", "--iterations", "600"]
-SHORT = [*GLOSSY[:-1], "300"] # a network shows something sooner than bands and lobes, and takes longer
+SHORT = [*GLOSSY[:-1], "300"]  # a network shows something sooner than bands and lobes, and takes longer
 CASES = {
     "none": GLOSSY,
     "sh": GLOSSY,
@@ -29,7 +29,20 @@ CASES = {
     "neural_3layers": SHORT,
     "sh, mixed": GLOSSY + ["--appearance-share", "0.3"],
     "neural, mixed": SHORT + ["--appearance-share", "0.3"],
-    "none, photometric": ["-s", "builtin:exposure", "-r", "4", "--cap-max", "5000", "--iterations", "600", "--ppisp", "on", "--controller-iterations", "60"],
+    "none, photometric": [
+        "-s",
+        "builtin:exposure",
+        "-r",
+        "4",
+        "--cap-max",
+        "5000",
+        "--iterations",
+        "600",
+        "--ppisp",
+        "on",
+        "--controller-iterations",
+        "60",
+    ],
 }
 VIEWS = {"webgl": (0, 3, 7), "webgpu": (3,)}
 MODES = ("full", "base", "residual")
@@ -53,15 +66,27 @@ def forget_vignetting(run):
 
 def export(gsapp, case, folder):
     run, site = folder / (case + " run"), folder / case
-    run_gsapp(gsapp, "train", *CASES[case], "--eval", "--device", "cpu", "--quiet", "--appearance", case.split(",")[0], "-m", run)
+    run_gsapp(
+        gsapp,
+        "train",
+        *CASES[case],
+        "--eval",
+        "--device",
+        "cpu",
+        "--quiet",
+        "--appearance",
+        case.split(",")[0],
+        "-m",
+        run,
+    )
     forget_vignetting(run)
     run_gsapp(gsapp, "export", run, "--format", "web", "-o", site)
     run_gsapp(gsapp, "render", run, "--decompose", "-o", site / "reference")
 
 
 def show(browser, site, case, way):
-    """Opens the page of each model by WebGL2, and that of the first one by WebGPU, where the others are dropped: a page that draws by WebGPU
-    in software makes its pipelines for seconds."""
+    """Opens the page of each model by WebGL2, and that of the first one by WebGPU, where the others are dropped: a page
+    that draws by WebGPU in software makes its pipelines for seconds."""
     if way == "webgl" or browser.evaluate("gsapp.way") != "WebGPU":
         return open_viewer(browser, f"{site.url}{urllib.parse.quote(case)}/?gpu={way}")
     browser.evaluate("document.title = ''")
@@ -75,12 +100,22 @@ def compare(browser, site, case, way):
     pictures = [(mode, view) for mode in MODES for view in VIEWS[way]]
     brightest = browser.evaluate(KEEP_PICTURES % json.dumps(pictures))
     for (mode, view), seen in zip(pictures, brightest, strict=True):
-        check(seen > 10 or (case.startswith("none") and mode == "residual"), f"{case}: view {view} shows something in {mode}")
+        check(
+            seen > 10 or (case.startswith("none") and mode == "residual"),
+            f"{case}: view {view} shows something in {mode}",
+        )
     for mode in MODES:
-        references = [(k, f"/{urllib.parse.quote(case)}/reference/{mode}/{view:05}.png") for k, (of, view) in enumerate(pictures) if of == mode]
+        references = [
+            (k, f"/{urllib.parse.quote(case)}/reference/{mode}/{view:05}.png")
+            for k, (of, view) in enumerate(pictures)
+            if of == mode
+        ]
         values = [browser.evaluate(PSNR % (f"pictures[{k}]", reference)) for k, reference in references]
         print(f"{case:17} {way} {mode:9} " + " ".join(f"{v:6.2f}" for v in values) + " dB", flush=True)
-        check(min(values) >= LEAST_PSNR, f"{case} {mode} by {way}: PSNR of at least {LEAST_PSNR} dB against gsapp's own picture")
+        check(
+            min(values) >= LEAST_PSNR,
+            f"{case} {mode} by {way}: PSNR of at least {LEAST_PSNR} dB against gsapp's own picture",
+        )
 
 
 def main():
@@ -89,7 +124,7 @@ def main():
         print("skipped: no chromium on PATH (apt-get install chromium)")
         return 77
     known = subprocess.run([sys.argv[1], "options", "--markdown"], check=True, capture_output=True, text=True).stdout
-    cases = [case for case in CASES if f" {case.split(',')[0]}," in known] # a build without GSAPP_VARIANTS lacks some
+    cases = [case for case in CASES if f" {case.split(',')[0]}," in known]  # a build without GSAPP_VARIANTS lacks some
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for case in cases:
@@ -98,7 +133,9 @@ def main():
                 print("skipped: the viewer is not built (scripts/build-viewer)")
                 return 77
         site = Site(folder)
-        with Browser(program, width=400, height=300, flags=SOFTWARE_WEBGPU) as browser: # which draws its own picture besides
+        with Browser(
+            program, width=400, height=300, flags=SOFTWARE_WEBGPU
+        ) as browser:  # which draws its own picture besides
             ways = ["webgl"]
             open_viewer(browser, site.url + urllib.parse.quote(cases[0]) + "/")
             if browser.evaluate("navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"):

@@ -30,7 +30,8 @@ def cross(a, b):
 
 
 def camera(position, quarters=0):
-    """Looks at the origin from there: world from camera, then intrinsics. The picture lies turned by so many quarters."""
+    """Looks at the origin from there: world from camera, then intrinsics. The picture lies turned by so many
+    quarters."""
     forward = unit([-x for x in position])
     right = unit(cross([0, 1, 0], forward))
     down = cross(forward, right)
@@ -41,15 +42,29 @@ def camera(position, quarters=0):
 
 
 def header(count, cameras, model=1, features=0, quarters=0):
-    data = b"NGSPLAT\n" + struct.pack("<11I", count, 2048, (count + 2047) // 2048, features, 0, 0, 0, 0, 0, 0, (model & 3) << 3 | (model & 4) << 4)
-    data += struct.pack("<2f", 1 / 255, 0) + (bytes(12) if model == 1 else b"") + struct.pack("<7f", 0, 0, 0, 0, -1, 0, 4)
-    return data + struct.pack("<I", len(cameras)) + b"".join(camera(c, quarters) for c in cameras) + struct.pack("<I", 0)
+    data = b"NGSPLAT\n" + struct.pack(
+        "<11I", count, 2048, (count + 2047) // 2048, features, 0, 0, 0, 0, 0, 0, (model & 3) << 3 | (model & 4) << 4
+    )
+    data += (
+        struct.pack("<2f", 1 / 255, 0) + (bytes(12) if model == 1 else b"") + struct.pack("<7f", 0, 0, 0, 0, -1, 0, 4)
+    )
+    return (
+        data + struct.pack("<I", len(cameras)) + b"".join(camera(c, quarters) for c in cameras) + struct.pack("<I", 0)
+    )
 
 
 def box_ply(stray=60, comment=None):
-    """A box as other programs write it, y down, its faces red towards -z, blue towards z, white up and green down; and some Gaussians far away."""
+    """A box as other programs write it, y down, its faces red towards -z, blue towards z, white up and green down; and
+    some Gaussians far away."""
     rng = random.Random(4)
-    faces = [((2, -1), (1, 0, 0)), ((2, 1), (0, 0, 1)), ((1, -1), (1, 1, 1)), ((1, 1), (0, 1, 0)), ((0, -1), (1, 1, 0)), ((0, 1), (1, 0, 1))]
+    faces = [
+        ((2, -1), (1, 0, 0)),
+        ((2, 1), (0, 0, 1)),
+        ((1, -1), (1, 1, 1)),
+        ((1, 1), (0, 1, 0)),
+        ((0, -1), (1, 1, 0)),
+        ((0, 1), (1, 0, 1)),
+    ]
     rows = b""
     for i in range(6000 + stray):
         (axis, side), color = faces[i % 6]
@@ -59,8 +74,14 @@ def box_ply(stray=60, comment=None):
             at, color, size = [400 * x for x in unit([rng.gauss(0, 1) for _ in range(3)])], (0.5, 0.5, 0.5), 0
         rows += struct.pack("<14f", *at, *[(c - 0.5) / 0.28209479 for c in color], 6, *[size] * 3, 1, 0, 0, 0)
     names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3".split()
-    lines = ["ply", "format binary_little_endian 1.0", *([f"comment {comment}"] if comment else []), f"element vertex {6000 + stray}",
-             *[f"property float {name}" for name in names], "end_header"]
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        *([f"comment {comment}"] if comment else []),
+        f"element vertex {6000 + stray}",
+        *[f"property float {name}" for name in names],
+        "end_header",
+    ]
     return "\n".join(lines).encode() + b"\n" + rows
 
 
@@ -81,20 +102,26 @@ def scene_file(count, quarters=0):
 
 def drop(browser, name, data):
     """Drops a file on the page."""
-    browser.evaluate(f"""(() => {{
+    browser.evaluate(
+        f"""(() => {{
         const transfer = new DataTransfer();
         transfer.items.add(new File([Uint8Array.from(atob('{base64.b64encode(data).decode()}'), c => c.charCodeAt(0))], {json.dumps(name)}));
         dispatchEvent(new DragEvent('drop', {{ dataTransfer: transfer, cancelable: true }}));
-    }})()""")
+    }})()"""
+    )
 
 
 def message(browser):
-    return browser.evaluate("document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText")
+    return browser.evaluate(
+        "document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText"
+    )
 
 
 def pixel(browser, mode="full", view=0):
     """The one in the middle of a test view."""
-    return browser.evaluate(f"gsapp.testViewPixels({view}, '{mode}').then(v => [...v.pixels.slice(4 * (50 * 100 + 50), 4 * (50 * 100 + 50) + 3)])")
+    return browser.evaluate(
+        f"gsapp.testViewPixels({view}, '{mode}').then(v => [...v.pixels.slice(4 * (50 * 100 + 50), 4 * (50 * 100 + 50) + 3)])"
+    )
 
 
 class Downloads:

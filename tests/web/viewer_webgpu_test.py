@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws by WebGPU: the page beside that by WebGL2, the order by depth, and what happens where WebGPU ends.
 
-Usage: viewer_webgpu_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium with WebGPU, or no
-viewer there.
+Usage: viewer_webgpu_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium
+with WebGPU, or no viewer there.
 """
 
 import base64
@@ -19,7 +19,8 @@ from browser import Browser, find_chromium, check
 from site_server import SOFTWARE_WEBGPU, Site, open_viewer, wait_for
 from viewer_scenes import BACKGROUND, drop, header, message, padded, scene_file, trailer, unit
 
-# 56.3 and more were measured. A dilation of 0.28 in place of 0.3 in one way gives 44.7, a sort that leaves out the highest digits 21.6.
+# 56.3 and more were measured. A dilation of 0.28 in place of 0.3 in one way gives 44.7, a sort that leaves out the
+# highest digits 21.6.
 LEAST_PSNR = 52
 
 # A device that does not take the shader of the colours.
@@ -81,17 +82,21 @@ KEEP_DEVICE = """(() => {
 
 def pixels(browser, call):
     """The bytes of a picture."""
-    return base64.b64decode(browser.evaluate(f"""gsapp.{call}.then(({{ pixels }}) => {{
+    return base64.b64decode(
+        browser.evaluate(
+            f"""gsapp.{call}.then(({{ pixels }}) => {{
         let text = '';
         for (let i = 0; i < pixels.length; i += 8192) text += String.fromCharCode(...pixels.subarray(i, i + 8192));
         return btoa(text);
-    }})"""))
+    }})"""
+        )
+    )
 
 
 def psnr(a, b):
     """Of rgba bytes. Equal ones count as 120 dB."""
     check(len(a) == len(b), "the pictures have one size")
-    error = sum((x - y) ** 2 for x, y in zip(a, b)) / (0.75 * len(a) * 255 ** 2)
+    error = sum((x - y) ** 2 for x, y in zip(a, b)) / (0.75 * len(a) * 255**2)
     return -10 * math.log10(max(error, 1e-12))
 
 
@@ -103,7 +108,8 @@ def open_by(browser, url, way, file):
 
 
 def cloud_file(count, position):
-    """Small Gaussians everywhere, each twice in a row, and the camera there. Returns the file, and the means as it rounds them."""
+    """Small Gaussians everywhere, each twice in a row, and the camera there. Returns the file, and the means as it
+    rounds them."""
     rng = random.Random(2)
     texels, means = b"", []
     parts = []
@@ -126,50 +132,80 @@ def check_order(browser, url, folder):
             name = f"cloud{count}.ngsplat"
             if count == 2 and way == "webgl":
                 open_by(browser, url, way, name)
-            elif count == 2: # by WebGPU without being told to, as nothing says that it draws in software
+            elif count == 2:  # by WebGPU without being told to, as nothing says that it draws in software
                 script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=HIDE_DEVICE)["identifier"]
                 open_viewer(browser, f"{url}?model={name}")
                 browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
-                check(message(browser) == "", f"{name} is shown where the browser says less of its device: {message(browser)}")
-            else: # on the same page, which has its pipelines
+                check(
+                    message(browser) == "",
+                    f"{name} is shown where the browser says less of its device: {message(browser)}",
+                )
+            else:  # on the same page, which has its pipelines
                 drop(browser, name, (folder / name).read_bytes())
-                wait_for(browser, f"document.querySelector('#info dd')?.textContent === '{count:,}'", f"{name} is there")
+                wait_for(
+                    browser, f"document.querySelector('#info dd')?.textContent === '{count:,}'", f"{name} is there"
+                )
                 check(message(browser) == "", f"{name} is shown by {way}: {message(browser)}")
-            packed = browser.evaluate("""gsapp.testViewOrder(0).then((order) => {
+            packed = browser.evaluate(
+                """gsapp.testViewOrder(0).then((order) => {
                 const bytes = new Uint8Array(order.buffer, order.byteOffset, order.byteLength);
                 let text = '';
                 for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
                 return btoa(text);
-            })""")
-            check(browser.evaluate("gsapp.way") == {"webgl": "WebGL2", "webgpu": "WebGPU"}[way], f"{name}: {way} has ordered it")
+            })"""
+            )
+            check(
+                browser.evaluate("gsapp.way") == {"webgl": "WebGL2", "webgpu": "WebGPU"}[way],
+                f"{name}: {way} has ordered it",
+            )
             orders[way, count] = [i for (i,) in struct.iter_unpack("<I", base64.b64decode(packed))]
             if count == 5000:
                 pictures[way] = pixels(browser, "testViewPixels(0, 'full')")
-    check(psnr(*pictures.values()) >= LEAST_PSNR, f"the cloud is the same by both ways: {psnr(*pictures.values()):.1f} dB")
+    check(
+        psnr(*pictures.values()) >= LEAST_PSNR, f"the cloud is the same by both ways: {psnr(*pictures.values()):.1f} dB"
+    )
     for count, means in clouds.items():
         order, forward = orders["webgpu", count], unit([-x for x in position])
         depths = [sum(f * (x - p) for f, x, p in zip(forward, mean, position)) for mean in means]
         check(len(set(order)) == len(order), f"{count}: each Gaussian is drawn once")
         check(set(order) <= set(orders["webgl", count]), f"{count}: none is drawn that WebGL2's wider picture lacks")
-        check(all(depths[b] <= depths[a] * (1 + 1e-5) for a, b in zip(order, order[1:])), f"{count}: the farthest come first")
+        check(
+            all(depths[b] <= depths[a] * (1 + 1e-5) for a, b in zip(order, order[1:])),
+            f"{count}: the farthest come first",
+        )
         place = {index: k for k, index in enumerate(order)}
-        check(all(place[i] + 1 == place[i + 1] for i in order if i % 2 == 0), f"{count}: equally far ones keep their order")
-        right = unit([forward[2], 0, -forward[0]]) # of camera(): down is y where it looks along z
+        check(
+            all(place[i] + 1 == place[i + 1] for i in order if i % 2 == 0),
+            f"{count}: equally far ones keep their order",
+        )
+        right = unit([forward[2], 0, -forward[0]])  # of camera(): down is y where it looks along z
         across = [sum(r * (x - p) for r, x, p in zip(right, mean, position)) for mean in means]
-        height = [math.sqrt(max(sum((x - p) ** 2 for x, p in zip(mean, position)) - depths[i] ** 2 - across[i] ** 2, 0)) for i, mean in enumerate(means)]
-        inside = {i for i in range(count) if depths[i] > 0.2 and max(abs(across[i]), height[i]) < 0.41 * depths[i]} # 50 of 120 pixels
+        height = [
+            math.sqrt(max(sum((x - p) ** 2 for x, p in zip(mean, position)) - depths[i] ** 2 - across[i] ** 2, 0))
+            for i, mean in enumerate(means)
+        ]
+        inside = {
+            i for i in range(count) if depths[i] > 0.2 and max(abs(across[i]), height[i]) < 0.41 * depths[i]
+        }  # 50 of 120 pixels
         check(inside <= set(order), f"{count}: all whose centre is in the picture are drawn")
-        check(count == 2 or (len(inside) > 100 and len(order) < 0.8 * count), f"{count}: {len(inside)} are inside, {len(order)} drawn: the rest is left out")
+        check(
+            count == 2 or (len(inside) > 100 and len(order) < 0.8 * count),
+            f"{count}: {len(inside)} are inside, {len(order)} drawn: the rest is left out",
+        )
         print(f"order of {count}: {len(order)} drawn, {len(inside)} with their centre in the picture", flush=True)
 
 
 def middle(browser):
     """The colour in the middle of the window's left 400 pixels, as the screen shows it."""
-    shot = base64.b64decode(browser.call("Page.captureScreenshot", format="png", clip={"x": 200, "y": 200, "width": 1, "height": 1, "scale": 1})["data"])
+    shot = base64.b64decode(
+        browser.call(
+            "Page.captureScreenshot", format="png", clip={"x": 200, "y": 200, "width": 1, "height": 1, "scale": 1}
+        )["data"]
+    )
     data, at = b"", 8
     while at < len(shot):
         (length,) = struct.unpack_from(">I", shot, at)
-        data += shot[at + 8:at + 8 + length] if shot[at + 4:at + 8] == b"IDAT" else b""
+        data += shot[at + 8 : at + 8 + length] if shot[at + 4 : at + 8] == b"IDAT" else b""
         at += 12 + length
     return tuple(zlib.decompress(data)[1:4])
 
@@ -180,10 +216,17 @@ def check_compiled_once(browser):
     compiled = browser.evaluate("compiled")
     for name, count in (("two.ngsplat", 2), ("ball.ngsplat", 3000)):
         drop(browser, name, scene_file(count))
-        wait_for(browser, f"document.title.startsWith('{name}') && /(^|· ){count:,} drawn/.test(document.getElementById('meter').textContent)", f"{name} is drawn")
+        wait_for(
+            browser,
+            f"document.title.startsWith('{name}') && /(^|· ){count:,} drawn/.test(document.getElementById('meter').textContent)",
+            f"{name} is drawn",
+        )
         shown = pixels(browser, "testViewPixels(0, 'full')")
         check((shown == first) == (count == 3000), f"{name}: the picture is its own")
-    check(compiled > 10 and browser.evaluate("compiled") == compiled, f"shaders are compiled once: {compiled} before, then {browser.evaluate('compiled')}")
+    check(
+        compiled > 10 and browser.evaluate("compiled") == compiled,
+        f"shaders are compiled once: {compiled} before, then {browser.evaluate('compiled')}",
+    )
 
 
 def check_page(browser, url, folder):
@@ -196,59 +239,114 @@ def check_page(browser, url, folder):
         open_by(browser, url, way, "ball.ngsplat&embed")
         shown[way] = []
         for width, height in ((400, 400), (640, 400), (400, 401)):
-            browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+            browser.call(
+                "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False
+            )
             canvas = "canvas" if way == "webgl" else "webgpu-canvas"
-            wait_for(browser, f"document.getElementById('{canvas}').width === {width} && document.getElementById('{canvas}').height === {height}", "the picture has the window's size")
+            wait_for(
+                browser,
+                f"document.getElementById('{canvas}').width === {width} && document.getElementById('{canvas}').height === {height}",
+                "the picture has the window's size",
+            )
             browser.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
             shown[way].append(middle(browser))
         browser.call("Emulation.clearDeviceMetricsOverride")
         view = "{ right: [1, 0, 0], down: [0, 1, 0], forward: [0, 0, 1], position: [0.2, 0.1, -3], fx: 90, fy: 80, cx: 33, cy: 20, width: 67, height: 41 }"
-        other[way] = pixels(browser, f"viewPixels({view}, 'full')"), pixels(browser, "testViewPixels(1, 'full', 'byte')")
+        other[way] = pixels(browser, f"viewPixels({view}, 'full')"), pixels(
+            browser, "testViewPixels(1, 'full', 'byte')"
+        )
     browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
     differences = [abs(a - b) for one, two in zip(*shown.values()) for a, b in zip(one, two)]
     check(max(differences) <= 3, f"the screen shows the same by both ways: {shown}")
-    check(all(max(abs(c - round(255 * b)) for c, b in zip(color, BACKGROUND)) > 10 for color in shown["webgpu"]), f"the screen shows the ball: {shown}")
+    check(
+        all(max(abs(c - round(255 * b)) for c, b in zip(color, BACKGROUND)) > 10 for color in shown["webgpu"]),
+        f"the screen shows the ball: {shown}",
+    )
     for a, b in zip(*other.values()):
-        check(psnr(a, b) >= LEAST_PSNR, f"the same by both ways at another size and with eight bits: {psnr(a, b):.1f} dB")
-    wait_for(browser, "document.getElementById('meter').textContent.includes('3,000 drawn · sorted on the GPU')", "the meter says what is drawn")
+        check(
+            psnr(a, b) >= LEAST_PSNR, f"the same by both ways at another size and with eight bits: {psnr(a, b):.1f} dB"
+        )
+    wait_for(
+        browser,
+        "document.getElementById('meter').textContent.includes('3,000 drawn · sorted on the GPU')",
+        "the meter says what is drawn",
+    )
     result = browser.evaluate("gsapp.benchmark(1)")
-    check(result["way"] == "WebGPU" and "sorting and colours" in result["protocol"] and result["frame"]["mean"] > 0, f"the benchmark says how it was drawn: {result}")
+    check(
+        result["way"] == "WebGPU" and "sorting and colours" in result["protocol"] and result["frame"]["mean"] > 0,
+        f"the benchmark says how it was drawn: {result}",
+    )
     colors = browser.evaluate(SAVED_AND_FILMED)
-    check(all(max(abs(c - round(255 * b)) for c, b in zip(color, BACKGROUND)) > 10 for color in colors), f"saved pictures and films show the ball: {colors}")
-    check(max(abs(a - b) for a, b in zip(*colors)) <= 12, f"saved pictures and films show the same: {colors}") # films hold colours as YUV
+    check(
+        all(max(abs(c - round(255 * b)) for c, b in zip(color, BACKGROUND)) > 10 for color in colors),
+        f"saved pictures and films show the ball: {colors}",
+    )
+    check(
+        max(abs(a - b) for a, b in zip(*colors)) <= 12, f"saved pictures and films show the same: {colors}"
+    )  # films hold colours as YUV
     check_compiled_once(browser)
     open_by(browser, url, "webgpu", "nothing.ngsplat")
-    check(all(abs(c - 255 * b) < 1 for c, b in zip(pixels(browser, "testViewPixels(0, 'full')"), BACKGROUND)), "without Gaussians there is the background")
+    check(
+        all(abs(c - 255 * b) < 1 for c, b in zip(pixels(browser, "testViewPixels(0, 'full')"), BACKGROUND)),
+        "without Gaussians there is the background",
+    )
 
 
 def check_end(browser, url):
-    """Where the device is lost, and where pictures are compared, WebGL2 goes on, and what the user opened comes, too; what the address says has to
-    be there."""
+    """Where the device is lost, and where pictures are compared, WebGL2 goes on, and what the user opened comes, too;
+    what the address says has to be there."""
     picture, meter = "testViewPixels(0, 'full')", "document.getElementById('meter').textContent"
     is_coming = "document.getElementById('notice').innerText.includes('next.ngsplat')"
-    for end, how in (("the device is lost", "device.destroy()"), ("pictures are compared", "document.getElementById('compare-on').click()")):
+    for end, how in (
+        ("the device is lost", "device.destroy()"),
+        ("pictures are compared", "document.getElementById('compare-on').click()"),
+    ):
         open_by(browser, url, "webgpu", "ball.ngsplat")
         before = pixels(browser, picture)
         browser.evaluate(HOLD_FILES)
         drop(browser, "next.ngsplat", scene_file(20))
         wait_for(browser, is_coming, "a file is on its way")
         browser.evaluate(how)
-        wait_for(browser, f"gsapp.way === 'WebGL2' && !document.getElementById('webgpu-canvas') && document.body.classList.contains('loaded') && document.title.startsWith('ball.ngsplat') && {meter}.includes('3,000 drawn · sorted in')", f"{end}: WebGL2 draws the model before")
+        wait_for(
+            browser,
+            f"gsapp.way === 'WebGL2' && !document.getElementById('webgpu-canvas') && document.body.classList.contains('loaded') && document.title.startsWith('ball.ngsplat') && {meter}.includes('3,000 drawn · sorted in')",
+            f"{end}: WebGL2 draws the model before",
+        )
         check(psnr(before, pixels(browser, picture)) >= LEAST_PSNR, f"{end}: the picture is as before")
         wait_for(browser, is_coming, f"{end}: the file is still on its way")
         browser.evaluate("letGo()")
-        wait_for(browser, f"document.title.startsWith('next.ngsplat') && /(^|· )20 drawn/.test({meter})", f"{end}: the file is shown when it is there")
+        wait_for(
+            browser,
+            f"document.title.startsWith('next.ngsplat') && /(^|· )20 drawn/.test({meter})",
+            f"{end}: the file is shown when it is there",
+        )
         check(message(browser) == "", f"{end}: nothing is left to say: {message(browser)}")
     check(not browser.evaluate("document.getElementById('divider').hidden"), "the comparison is shown")
     script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=REFUSE_SHADER)["identifier"]
     open_viewer(browser, url + "?gpu=webgpu&model=ball.ngsplat")
-    wait_for(browser, "gsapp.way === 'WebGL2' && document.getElementById('meter').textContent.includes('sorted in')", "a device that refuses a shader is not used")
-    check(psnr(before, pixels(browser, picture)) >= LEAST_PSNR, "a device that refuses a shader: WebGL2 draws the picture")
+    wait_for(
+        browser,
+        "gsapp.way === 'WebGL2' && document.getElementById('meter').textContent.includes('sorted in')",
+        "a device that refuses a shader is not used",
+    )
+    check(
+        psnr(before, pixels(browser, picture)) >= LEAST_PSNR, "a device that refuses a shader: WebGL2 draws the picture"
+    )
     browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
-    check(all("WGSL" in error or "ShaderModule" in error or "Pipeline" in error or "CommandBuffer" in error for error in browser.errors), f"the browser says of what it refused, and of no more: {browser.errors}")
+    check(
+        all(
+            "WGSL" in error or "ShaderModule" in error or "Pipeline" in error or "CommandBuffer" in error
+            for error in browser.errors
+        ),
+        f"the browser says of what it refused, and of no more: {browser.errors}",
+    )
     browser.errors.clear()
     browser.open(url + "?gpu=metal")
-    wait_for(browser, "document.getElementById('notice').innerText.includes('gpu=metal; it can be webgl or webgpu')", "a way that is not known is named")
+    wait_for(
+        browser,
+        "document.getElementById('notice').innerText.includes('gpu=metal; it can be webgl or webgpu')",
+        "a way that is not known is named",
+    )
 
 
 def main():
@@ -259,11 +357,13 @@ def main():
     if not (viewer / "index.html").exists():
         print("skipped: the viewer is not built (scripts/build-viewer)")
         return 77
-    with tempfile.TemporaryDirectory() as name, Browser(program, width=500, height=500, flags=SOFTWARE_WEBGPU) as browser:
+    with tempfile.TemporaryDirectory() as name, Browser(
+        program, width=500, height=500, flags=SOFTWARE_WEBGPU
+    ) as browser:
         folder = pathlib.Path(name)
         shutil.copytree(viewer, folder / "site")
         site = Site(folder / "site")
-        open_viewer(browser, site.url) # has no model beside it, which is an error in the console
+        open_viewer(browser, site.url)  # has no model beside it, which is an error in the console
         if not browser.evaluate("navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"):
             print("skipped: this chromium has no WebGPU, not in software either")
             return 77

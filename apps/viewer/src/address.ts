@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fragment of the page's address: the camera and the settings as key=value pairs, so that a link shows the same picture.
+// The fragment of the page's address: the camera and the settings as key=value pairs, so that a link shows the same
+// picture.
 
 import { AXES, type AxisName, type MovementName } from './camera/navigator';
 import { LARGEST_NUMBER } from './format/cursor';
@@ -26,17 +27,24 @@ const MOST_DETAIL = 99;
 
 const short = (x: number): string => String(Number(x.toPrecision(5)));
 const percent = (x: number): string => String(Number((100 * x).toFixed(1)));
-const byte = (x: number): string => Math.round(255 * Math.min(1, Math.max(0, x))).toString(16).padStart(2, '0');
+const byte = (x: number): string =>
+  Math.round(255 * Math.min(1, Math.max(0, x)))
+    .toString(16)
+    .padStart(2, '0');
 
 /** RRGGBB in hexadecimal digits. */
 export const hexColor = (color: Vector): string => color.map(byte).join('');
 
 /** Undefined where the text is not RRGGBB. */
 export function colorOf(hex: string): Vector | undefined {
-  return /^[0-9a-f]{6}$/i.test(hex) ? ([0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255) as Vector) : undefined;
+  return /^[0-9a-f]{6}$/i.test(hex)
+    ? ([0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255) as Vector)
+    : undefined;
 }
 
-/** The fragment without its #. What is as at the beginning is left out; positions are rounded to 1e-5 of about `size`. */
+/**
+ * The fragment without its #. What is as at the beginning is left out; positions are rounded to 1e-5 of about `size`.
+ */
 export function formatAddress({ settings, camera, compared }: Address, size: number): string {
   const decimals = Math.min(20, Math.max(0, 5 - Math.floor(Math.log10(size || 1))));
   const point = (p: Vector) => p.map((x) => String(Number(x.toFixed(decimals)) + 0)).join(); // + 0 turns -0 into 0
@@ -62,30 +70,49 @@ export function formatAddress({ settings, camera, compared }: Address, size: num
 }
 
 /** So many numbers with commas between them, each within the bounds; undefined for anything else. */
-function numbers(text: string | null, count: number, least = -LARGEST_NUMBER, most = LARGEST_NUMBER): number[] | undefined {
-  const parts = text?.split(',') ?? [], values = parts.map(Number);
-  return parts.length === count && parts.every((part) => part.trim() !== '') && values.every((x) => x >= least && x <= most) ? values : undefined;
+function numbers(
+  text: string | null,
+  count: number,
+  least = -LARGEST_NUMBER,
+  most = LARGEST_NUMBER,
+): number[] | undefined {
+  const parts = text?.split(',') ?? [];
+  const values = parts.map(Number);
+  return parts.length === count &&
+    parts.every((part) => part.trim() !== '') &&
+    values.every((x) => x >= least && x <= most)
+    ? values
+    : undefined;
 }
 
 function parseCamera(given: URLSearchParams): AddressCamera | undefined {
   const view = numbers(given.get('view'), 1, 1)?.[0];
   if (view !== undefined && Number.isInteger(view)) return { view: view - 1 };
-  const from = numbers(given.get('from'), 3) as Vector | undefined, to = numbers(given.get('to'), 3) as Vector | undefined;
+  const from = numbers(given.get('from'), 3) as Vector | undefined;
+  const to = numbers(given.get('to'), 3) as Vector | undefined;
   if (!from || !to || Math.hypot(...from.map((x, i) => x - to[i])) === 0) return undefined;
   return { from, to, fov: numbers(given.get('fov'), 1, 1, LARGEST_FOV)?.[0] };
 }
 
 function parseCompared(given: URLSearchParams): Compared | undefined {
-  const sides = given.get('compare')?.split(',').map((side) => SHOWN.find((name) => name === side)) ?? [];
-  const [left, right] = sides, split = numbers(given.get('split'), 1, 0, 100)?.[0];
-  return sides.length === 2 && left && right ? { left, right, split: split === undefined ? MIDDLE : split / 100 } : undefined;
+  const sides =
+    given
+      .get('compare')
+      ?.split(',')
+      .map((side) => SHOWN.find((name) => name === side)) ?? [];
+  const [left, right] = sides;
+  const split = numbers(given.get('split'), 1, 0, 100)?.[0];
+  return sides.length === 2 && left && right
+    ? { left, right, split: split === undefined ? MIDDLE : split / 100 }
+    : undefined;
 }
 
 /** Takes what it understands of a fragment; the rest is as at the beginning. */
 export function parseAddress(text: string): Address {
   const given = new URLSearchParams(text.replace(/^#/, ''));
   const detail = numbers(given.get('detail'), 1, 0, MOST_DETAIL)?.[0];
-  const choice = <T extends string>(key: string, known: readonly T[]): T | undefined => known.find((name) => name === given.get(key));
+  const choice = <T extends string>(key: string, known: readonly T[]): T | undefined =>
+    known.find((name) => name === given.get(key));
   const panel = choice('panel', PANEL);
   return {
     camera: parseCamera(given),
@@ -124,6 +151,7 @@ export class AddressBar {
     clearTimeout(this.timer);
     this.timer = undefined;
     const text = this.text();
-    if (text !== location.hash.slice(1)) history.replaceState(null, '', text ? `#${text}` : location.pathname + location.search);
+    if (text !== location.hash.slice(1))
+      history.replaceState(null, '', text ? `#${text}` : location.pathname + location.search);
   }
 }

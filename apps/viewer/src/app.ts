@@ -49,22 +49,41 @@ export class App implements Stage {
   private readonly panel: Panel;
   /** What is taken of the model as it is. */
   readonly pictures = new Pictures({
-    model: () => this.model, renderer: () => this.renderer, signal: () => this.loader.signal, sort: (view) => this.sort(view),
-    picture: (mode, testView) => this.picture(mode, testView), drawView: (view, testView) => this.drawView(view, testView), redraw: () => this.redraw(),
+    model: () => this.model,
+    renderer: () => this.renderer,
+    signal: () => this.loader.signal,
+    sort: (view) => this.sort(view),
+    picture: (mode, testView) => this.picture(mode, testView),
+    drawView: (view, testView) => this.drawView(view, testView),
+    redraw: () => this.redraw(),
   });
   private readonly benchmarkPanel = new BenchmarkPanel((frames, progress) => this.pictures.benchmark(frames, progress));
   private readonly films = new Films({
-    model: () => this.model, canvas: () => this.renderer.canvas, show: (view) => this.move((navigator) => navigator.showExactly(view)), draw: () => this.draw(),
+    model: () => this.model,
+    canvas: () => this.renderer.canvas,
+    show: (view) => this.move((navigator) => navigator.showExactly(view)),
+    draw: () => this.draw(),
   });
   private readonly meter = new Meter();
   private readonly comparison = new Comparison(() => this.redraw());
-  private readonly levels = new Levels((file) => this.loader.showLevel(file), (detail) => this.change({ detail }));
+  private readonly levels = new Levels(
+    (file) => this.loader.showLevel(file),
+    (detail) => this.change({ detail }),
+  );
   private readonly headset = new Headset({
-    webGl: () => this.useWebGl(), sort: (view) => void this.sort(view), ended: () => this.redraw(), fail: (title, message) => this.fail(title, message),
+    webGl: () => this.useWebGl(),
+    sort: (view) => void this.sort(view),
+    ended: () => this.redraw(),
+    fail: (title, message) => this.fail(title, message),
     model: () => {
       if (!this.loaded || this.awaitsOrder) return undefined;
       const { navigator } = this.loaded;
-      return { picture: this.picture(this.settings.mode, undefined), position: navigator.current().position, target: navigator.target, up: navigator.up };
+      return {
+        picture: this.picture(this.settings.mode, undefined),
+        position: navigator.current().position,
+        target: navigator.target,
+        up: navigator.up,
+      };
     },
   });
   private loaded: Loaded | undefined;
@@ -91,15 +110,27 @@ export class App implements Stage {
     this.panel = new Panel({
       change: (settings) => this.change(settings),
       camera: (index) => this.move((navigator) => (index === undefined ? navigator.unpin() : navigator.pin(index))),
-      frame: this.frame, reset: this.reset, copyLink: () => this.copyLink(), savePicture,
+      frame: this.frame,
+      reset: this.reset,
+      copyLink: () => this.copyLink(),
+      savePicture,
     });
     this.settings.panel = parseAddress(location.hash).settings.panel; // at once; the rest waits for the model
     this.panel.show(this.settings);
-    const saved = () => void savePicture().catch((error: Error) => this.fail('The picture cannot be saved', error.message));
-    const { canvas } = this.screen, stop = () => this.films.stop();
-    onKeys(canvas, { f: this.frame, r: this.reset, x: toggleFullscreen, p: saved, k: () => this.loaded && this.films.addKeyframe() }, stop);
+    const saved = () =>
+      void savePicture().catch((error: Error) => this.fail('The picture cannot be saved', error.message));
+    const { canvas } = this.screen;
+    const stop = () => this.films.stop();
+    onKeys(
+      canvas,
+      { f: this.frame, r: this.reset, x: toggleFullscreen, p: saved, k: () => this.loaded && this.films.addKeyframe() },
+      stop,
+    );
     for (const event of ['pointerdown', 'wheel', 'keydown']) canvas.addEventListener(event, stop);
-    canvas.addEventListener('dblclick', ({ offsetX, offsetY }) => void this.turnTo(offsetX / canvas.clientWidth, offsetY / canvas.clientHeight));
+    canvas.addEventListener(
+      'dblclick',
+      ({ offsetX, offsetY }) => void this.turnTo(offsetX / canvas.clientWidth, offsetY / canvas.clientHeight),
+    );
     addEventListener('hashchange', (event) => {
       const { hash } = new URL(event.newURL); // the address may have been brought up to date since
       if (this.loaded) this.apply(hash);
@@ -167,13 +198,25 @@ export class App implements Stage {
 
   /** What the address says of the picture. */
   private state(): Address {
-    const { settings, comparison: { compared } } = this, navigator = this.loaded?.navigator;
+    const {
+      settings,
+      comparison: { compared },
+    } = this;
+    const navigator = this.loaded?.navigator;
     if (!navigator || navigator.isFirst) return { settings, compared };
-    return { settings, compared, camera: navigator.pinned === undefined ? { from: navigator.current().position, to: navigator.target, fov: navigator.fov } : { view: navigator.pinned } };
+    return {
+      settings,
+      compared,
+      camera:
+        navigator.pinned === undefined
+          ? { from: navigator.current().position, to: navigator.target, fov: navigator.fov }
+          : { view: navigator.pinned },
+    };
   }
 
   private fragment(): string {
-    if (!this.loaded) return (this.wanted ?? location.hash).replace(/^#/, ''); // until then it is not known which camera a model has
+    // until then it is not known which camera a model has
+    if (!this.loaded) return (this.wanted ?? location.hash).replace(/^#/, '');
     return formatAddress(this.state(), this.loaded.scene.distance);
   }
 
@@ -213,7 +256,9 @@ export class App implements Stage {
 
   private async copyLink(): Promise<string> {
     this.address.write();
-    const file = this.loader.isInAddress ? '' : ' It cannot hold the file that you opened: put that on a web server, and its address behind ?model=.';
+    const file = this.loader.isInAddress
+      ? ''
+      : ' It cannot hold the file that you opened: put that on a web server, and its address behind ?model=.';
     try {
       await navigator.clipboard.writeText(location.href);
     } catch {
@@ -233,8 +278,14 @@ export class App implements Stage {
     this.loader.stop(smaller);
     this.unload();
     this.renderer.forget();
-    const help = smaller ? 'A coarser level of the model comes back with the device' : 'The model comes back with the device', advice = smaller ? '' : ' A smaller model may help.';
-    this.fail('The graphics device was lost', `Often its memory ran out. ${help}; where that takes long, reload the page.${advice}`);
+    const help = smaller
+      ? 'A coarser level of the model comes back with the device'
+      : 'The model comes back with the device';
+    const advice = smaller ? '' : ' A smaller model may help.';
+    this.fail(
+      'The graphics device was lost',
+      `Often its memory ran out. ${help}; where that takes long, reload the page.${advice}`,
+    );
   }
 
   /** Unloads a model that never became complete. */
@@ -254,7 +305,9 @@ export class App implements Stage {
     document.body.classList.remove('loaded');
   }
 
-  /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. `isOwn`: the page was made for it. */
+  /**
+   * Shows a scene whose texels follow, with `keepCamera` from where the camera is. `isOwn`: the page was made for it.
+   */
   beginScene(name: string, scene: Scene, keepCamera: boolean, isOwn: boolean): void {
     const keep = keepCamera ? this.loaded?.navigator : undefined;
     this.unload(keep); // first, so that both need not fit into memory
@@ -270,9 +323,18 @@ export class App implements Stage {
     document.body.classList.add('loaded');
     if (keep) this.comparison.replaceScene(scene);
     else this.comparison.setScene(scene);
-    const sample = new ModelSample(scene.count, scene.testCameras), start = isOwn ? PAGE.start : undefined;
+    const sample = new ModelSample(scene.count, scene.testCameras);
+    const start = isOwn ? PAGE.start : undefined;
     if (!keep && this.wanted === undefined) this.settings.up = undefined; // of the file before
-    const navigator = keep ?? new Navigator(scene, sample, this.screen.canvas, { changed: () => this.redraw(), faster: showSpeed }, start?.camera);
+    const navigator =
+      keep ??
+      new Navigator(
+        scene,
+        sample,
+        this.screen.canvas,
+        { changed: () => this.redraw(), faster: showSpeed },
+        start?.camera,
+      );
     if (keep) keep.setScene(scene, sample);
     else {
       navigator.setMovement(this.settings.movement);
@@ -283,7 +345,7 @@ export class App implements Stage {
     this.sortedFor = '';
     this.benchmarkPanel.clear();
     if (keep && this.panel.numViews === scene.testCameras.length) return;
-    this.panel.setScene(isOwn ? PAGE.title ?? name : name, scene);
+    this.panel.setScene(isOwn ? (PAGE.title ?? name) : name, scene);
     this.panel.setInfo([]);
     const isBare = this.wanted === '' || this.wanted === '#';
     if (isBare && start) this.show({ ...start, camera: undefined });
@@ -347,11 +409,19 @@ export class App implements Stage {
   }
 
   private picture(mode: Mode, testView: number | undefined, scene = this.loaded!.scene): Picture {
-    const { photometric } = scene, { settings } = this;
-    const exposure = settings.photometric && photometric ? (testView === undefined ? photometric.neutral : photometric.testViews[testView]) : undefined;
+    const { photometric } = scene;
+    const { settings } = this;
+    const exposure =
+      settings.photometric && photometric
+        ? testView === undefined
+          ? photometric.neutral
+          : photometric.testViews[testView]
+        : undefined;
     const ownColors = mode === 'full' || mode === 'base';
     return {
-      mode, background: ownColors ? settings.background ?? scene.background : [0, 0, 0], exposure: ownColors ? exposure : undefined,
+      mode,
+      background: ownColors ? (settings.background ?? scene.background) : [0, 0, 0],
+      exposure: ownColors ? exposure : undefined,
       splats: { size: settings.points ? 0 : settings.splatSize, near: settings.near },
     };
   }
@@ -368,23 +438,30 @@ export class App implements Stage {
 
   /** What the canvas is to show. */
   private drawView(view: View, pinned: number | undefined): void {
-    if (this.comparison.isOn && this.renderer instanceof Renderer) this.comparison.draw(this.renderer, view, pinned, (mode, scene) => this.picture(mode, pinned, scene));
+    if (this.comparison.isOn && this.renderer instanceof Renderer)
+      this.comparison.draw(this.renderer, view, pinned, (mode, scene) => this.picture(mode, pinned, scene));
     else this.renderer.render(view, this.picture(this.settings.mode, pinned));
   }
 
   private draw(): void {
     if (!this.loaded || this.isReserved) return;
-    if (this.comparison.isOn && !(this.renderer instanceof Renderer)) return this.leaveWebGpu('comparisons are drawn by it');
+    if (this.comparison.isOn && !(this.renderer instanceof Renderer))
+      return this.leaveWebGpu('comparisons are drawn by it');
     const { navigator, sorter } = this.loaded;
     if (this.awaitsOrder && !this.loaded.isComplete) return;
-    const { canvas } = this.renderer, view = navigator.view(canvas.width, canvas.height);
+    const { canvas } = this.renderer;
+    const view = navigator.view(canvas.width, canvas.height);
     if (orderKey(view, this.size) !== this.sortedFor) void this.sort(view);
     if (this.awaitsOrder) return;
     this.panel.setCamera(navigator.pinned);
     this.address.touch();
     try {
       this.drawView(view, navigator.pinned);
-      this.meter.frame(performance.now(), sorter ? sorter.milliseconds : this.renderer.sortsItself ? 'on the GPU' : 0, this.renderer.drawn);
+      this.meter.frame(
+        performance.now(),
+        sorter ? sorter.milliseconds : this.renderer.sortsItself ? 'on the GPU' : 0,
+        this.renderer.drawn,
+      );
     } catch (error) {
       this.loader.stop(); // what is still on its way cannot be drawn, either
       this.unload();

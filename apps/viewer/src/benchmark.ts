@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frame times by the paper's protocol: 1280x720, intrinsics of the test views in pixels, colours of the Gaussians and blending into 8
-// bits, each frame waited for; without photometric correction, and without sorting where that is not part of drawing a frame.
+// Frame times by the paper's protocol: 1280x720, intrinsics of the test views in pixels, colours of the Gaussians and
+// blending into 8 bits, each frame waited for; without photometric correction, and without sorting where that is not
+// part of drawing a frame.
 
 import { cropView, type View } from './camera/view';
 import type { Scene } from './format/ngsplat';
 import type { SceneRenderer } from './render/scene_renderer';
 
-const WIDTH = 1280, HEIGHT = 720;
+const WIDTH = 1280;
+const HEIGHT = 720;
 
 export interface Summary {
   mean: number;
@@ -33,14 +35,26 @@ export interface BenchmarkResult {
 }
 
 export function summarize(values: number[]): Summary {
-  const sorted = [...values].sort((a, b) => a - b), n = sorted.length;
+  const sorted = [...values].sort((a, b) => a - b);
+  const n = sorted.length;
   const median = n % 2 ? sorted[(n - 1) / 2] : (sorted[n / 2 - 1] + sorted[n / 2]) / 2;
   return { mean: values.reduce((a, b) => a + b, 0) / n, median, min: sorted[0], max: sorted[n - 1] };
 }
 
-/** `shown` is timed where there are no test views. `sort` brings the order up to date for a view. `progress` goes from 0 to 1. Throws where `signal` is aborted. */
-export async function runBenchmark(renderer: SceneRenderer, scene: Scene, shown: View, file: string, sort: (view: View) => Promise<void>, framesPerView: number,
-                                   progress: (part: number) => void, signal: AbortSignal): Promise<BenchmarkResult> {
+/**
+ * `shown` is timed where there are no test views. `sort` brings the order up to date for a view. `progress` goes from 0
+ * to 1. Throws where `signal` is aborted.
+ */
+export async function runBenchmark(
+  renderer: SceneRenderer,
+  scene: Scene,
+  shown: View,
+  file: string,
+  sort: (view: View) => Promise<void>,
+  framesPerView: number,
+  progress: (part: number) => void,
+  signal: AbortSignal,
+): Promise<BenchmarkResult> {
   const views = (scene.testCameras.length ? scene.testCameras : [shown]).map((view) => cropView(view, WIDTH, HEIGHT));
   /** Mean of so many in a row; one before is not timed. */
   const time = async (draw: () => Promise<void>) => {
@@ -65,8 +79,18 @@ export async function runBenchmark(renderer: SceneRenderer, scene: Scene, shown:
     signal.throwIfAborted();
   }
   return {
-    protocol: renderer.benchmarkProtocol, way: renderer.way,
-    file, appearance: scene.model.packing.name, gaussians: scene.count, width: WIDTH, height: HEIGHT, framesPerView,
-    frame: summarize(perView.frame), prepass: summarize(perView.prepass), perView, renderer: renderer.deviceName, userAgent: navigator.userAgent,
+    protocol: renderer.benchmarkProtocol,
+    way: renderer.way,
+    file,
+    appearance: scene.model.packing.name,
+    gaussians: scene.count,
+    width: WIDTH,
+    height: HEIGHT,
+    framesPerView,
+    frame: summarize(perView.frame),
+    prepass: summarize(perView.prepass),
+    perView,
+    renderer: renderer.deviceName,
+    userAgent: navigator.userAgent,
   };
 }

@@ -49,8 +49,10 @@ export class Films {
   /** Shows a path in its time, until it is stopped. */
   private async play(path: CameraPath, seconds: number): Promise<void> {
     this.stop();
-    const { signal } = (this.playing = new AbortController()), { navigator } = this.page.model(), begin = performance.now();
-    for (let time = 0; !signal.aborted; ) {
+    const { signal } = (this.playing = new AbortController());
+    const { navigator } = this.page.model();
+    const begin = performance.now();
+    for (let time = 0; !signal.aborted;) {
       navigator.showExactly(path(time));
       this.page.draw();
       if (time === 1) return;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a file to a model that is shown: opening, levels that suit the device, newer states, and all of it again after the device was lost.
+// From a file to a model that is shown: opening, levels that suit the device, newer states, and all of it again after
+// the device was lost.
 
 import { fetchSite, FIRST_MODEL, SITE_FILE, type Site } from './compare/site';
 import { FormatError, messageOf } from './format/cursor';
@@ -20,7 +21,10 @@ export interface Stage {
   readonly isReserved: boolean;
   /** The level that the user wants; undefined leaves it to the page. */
   readonly wantedDetail: number | undefined;
-  /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. `isOwn`: the page was made for it. Throws RenderError where the device cannot hold it. */
+  /**
+   * Shows a scene whose texels follow, with `keepCamera` from where the camera is. `isOwn`: the page was made for it.
+   * Throws RenderError where the device cannot hold it.
+   */
   beginScene(name: string, scene: Scene, keepCamera: boolean, isOwn: boolean): void;
   addRows(plane: Plane, row: number, texels: Uint32Array): void;
   /** The scene has all its texels, and what the end of its file, of so many bytes, says. */
@@ -65,7 +69,9 @@ export class ModelLoader {
     return this.again?.inAddress ?? false;
   }
 
-  /** Nothing more comes until `restore`. Where a file is named, this one is opened when the model is to be shown again. */
+  /**
+   * Nothing more comes until `restore`. Where a file is named, this one is opened when the model is to be shown again.
+   */
   stop(instead?: string): void {
     this.loading.abort();
     this.loading = new AbortController();
@@ -73,8 +79,8 @@ export class ModelLoader {
   }
 
   /**
-   * The device is back, but the file's bytes were let go of: reads it again, and shows what was seen. Then comes the file that was on its way to
-   * replace it, unless the user has chosen another one meanwhile.
+   * The device is back, but the file's bytes were let go of: reads it again, and shows what was seen. Then comes the
+   * file that was on its way to replace it, unless the user has chosen another one meanwhile.
    */
   async restore(): Promise<void> {
     if (!this.again) return showWelcome();
@@ -89,9 +95,10 @@ export class ModelLoader {
   }
 
   /**
-   * Reads and shows a file. Where nothing is shown, what has arrived of it is, and is taken away again if the rest is not what it should be;
-   * else what was there before stays until the file is there as a whole, also where it cannot be read. What fails is said on the page.
-   * Beside the page may be coarser levels, of which one is shown instead where this one does not suit the device; not `anyway`.
+   * Reads and shows a file. Where nothing is shown, what has arrived of it is, and is taken away again if the rest is
+   * not what it should be; else what was there before stays until the file is there as a whole, also where it cannot be
+   * read. What fails is said on the page. Beside the page may be coarser levels, of which one is shown instead where
+   * this one does not suit the device; not `anyway`.
    */
   open(source: Open, from: Place = 'address'): Promise<void> {
     const open = () => this.read(source, from, from !== 'beside', open);
@@ -100,29 +107,43 @@ export class ModelLoader {
   }
 
   /** The same; `again` does it again. */
-  private async read(source: Open, from: Place, anyway: boolean, again: () => Promise<void> = () => this.read(source, from, anyway)): Promise<void> {
+  private async read(
+    source: Open,
+    from: Place,
+    anyway: boolean,
+    again: () => Promise<void> = () => this.read(source, from, anyway),
+  ): Promise<void> {
     this.loading.abort();
     const { signal } = (this.loading = new AbortController());
     const isHere = () => {
       if (this.coming === again) this.coming = undefined;
     };
     this.stage.dropPart();
-    if (!this.stage.shown) this.setAgain(again, from !== 'elsewhere'); // the device may be lost before the file is there
-    let name = 'the model', header: Scene | undefined;
+    // the device may be lost before the file is there
+    if (!this.stage.shown) this.setAgain(again, from !== 'elsewhere');
+    let name = 'the model';
+    let header: Scene | undefined;
     try {
       const found = await source(signal);
       name = found.name;
       showLoading(name, 0, found.size);
-      const { begin, rows } = this.sink(name, from === 'beside'), ifSuitable = (scene: Scene) => {
+      const { begin, rows } = this.sink(name, from === 'beside');
+      const ifSuitable = (scene: Scene) => {
         header = scene;
         if (!anyway) this.requireSuitable(scene);
         this.setAgain(again, from !== 'elsewhere'); // what was shown is let go of now
         isHere();
         begin(scene);
       };
-      const { remarks } = await this.readToEnd(found, { begin: ifSuitable, rows }, {
-        whole: this.stage.shown !== undefined, signal, progress: (...sizes) => showLoading(name, ...sizes, this.stage.shown?.isComplete === false),
-      });
+      const { remarks } = await this.readToEnd(
+        found,
+        { begin: ifSuitable, rows },
+        {
+          whole: this.stage.shown !== undefined,
+          signal,
+          progress: (...sizes) => showLoading(name, ...sizes, this.stage.shown?.isComplete === false),
+        },
+      );
       signal.throwIfAborted(); // where it could not be drawn, which was said
       if (remarks.length > 0) showRemark(`About ${name}`, remarks.join(' '));
       if (from === 'beside') await this.readSite(name);
@@ -130,12 +151,19 @@ export class ModelLoader {
       if (signal.aborted) return; // another file is on its way
       isHere();
       this.stage.dropPart();
-      if (!anyway && header && (error instanceof Unsuitable || error instanceof RenderError)) return this.openLevel(header, error);
-      this.stage.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, messageOf(error));
+      if (!anyway && header && (error instanceof Unsuitable || error instanceof RenderError))
+        return this.openLevel(header, error);
+      this.stage.fail(
+        error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`,
+        messageOf(error),
+      );
     }
   }
 
-  /** Reads all of a file. Throws RenderError, too, where an array finds no memory: the file is too large then, as one that the device cannot hold. */
+  /**
+   * Reads all of a file. Throws RenderError, too, where an array finds no memory: the file is too large then, as one
+   * that the device cannot hold.
+   */
   private async readToEnd(source: Source, sink: SceneSink, options: ReadOptions): Promise<ModelRead> {
     try {
       const read = await readModel(source, sink, options);
@@ -158,23 +186,37 @@ export class ModelLoader {
     const { levels } = await fetchSite(testCameras.length).catch((): Partial<Site> => ({}));
     if (signal.aborted) return; // another file is on its way
     const isTooLarge = obstacle instanceof RenderError;
-    if (isTooLarge && !levels?.[1]) return this.stage.fail(`${FIRST_MODEL} cannot be shown`, `${obstacle.message} gsapp export --lod writes smaller levels.`);
-    return this.openBeside(levels ? this.stage.firstLevel(levels, isTooLarge ? levels[0].bytes : undefined) : FIRST_MODEL);
+    if (isTooLarge && !levels?.[1])
+      return this.stage.fail(
+        `${FIRST_MODEL} cannot be shown`,
+        `${obstacle.message} gsapp export --lod writes smaller levels.`,
+      );
+    return this.openBeside(
+      levels ? this.stage.firstLevel(levels, isTooLarge ? levels[0].bytes : undefined) : FIRST_MODEL,
+    );
   }
 
   /** Shows what is read, in the place of what is shown. With `keep`, the camera stays as it is. */
   private sink(name: string, isOwn: boolean, keep = false): SceneSink {
-    return { begin: (scene) => this.stage.beginScene(name, scene, keep, isOwn), rows: (...part) => this.stage.addRows(...part) };
+    return {
+      begin: (scene) => this.stage.beginScene(name, scene, keep, isOwn),
+      rows: (...part) => this.stage.addRows(...part),
+    };
   }
 
-  /** Shows another state of the model, with `keep` as the camera and what is compared are. Throws Busy where something else needs it as it is. */
+  /**
+   * Shows another state of the model, with `keep` as the camera and what is compared are. Throws Busy where something
+   * else needs it as it is.
+   */
   private async replace(source: Source, keep: boolean, signal: AbortSignal): Promise<void> {
-    const { begin, rows } = this.sink(source.name, true, keep), unlessBusy = (scene: Scene) => {
+    const { begin, rows } = this.sink(source.name, true, keep);
+    const unlessBusy = (scene: Scene) => {
       if (this.stage.isReserved || this.stage.shown?.isComplete === false) throw new Busy();
       begin(scene);
     };
     await this.readToEnd(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });
-    signal.throwIfAborted(); // drawing it for the first time may have ended it: where WebGPU is left, it must come again
+    // drawing it for the first time may have ended it: where WebGPU is left, it must come again
+    signal.throwIfAborted();
   }
 
   /** The same for a page that asks again later. Returns whether there is nothing more to try. */
@@ -190,7 +232,10 @@ export class ModelLoader {
     }
   }
 
-  /** Shows another level of the model where the camera is. Returns false where this should be tried again, if the model is still there. */
+  /**
+   * Shows another level of the model where the camera is. Returns false where this should be tried again, if the model
+   * is still there.
+   */
   async showLevel(file: string): Promise<boolean> {
     const { signal } = this.loading;
     if (this.stage.isReserved) return false; // before anything is transferred

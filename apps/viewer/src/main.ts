@@ -41,7 +41,10 @@ try {
 } catch (error) {
   showError('The viewer cannot start', (error as Error).message, false);
   // Nothing can be shown; the message says why.
-  for (const control of document.querySelectorAll<HTMLInputElement>('#controls :is(button, input, select), #notice-actions button, #toggle')) control.disabled = true;
+  for (const control of document.querySelectorAll<HTMLInputElement>(
+    '#controls :is(button, input, select), #notice-actions button, #toggle',
+  ))
+    control.disabled = true;
 }
 onFile(app && ((source) => void app.loader.open(source, 'elsewhere')));
 if (app) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The appearance models that this viewer can draw: every packing.json of the folders appearance/<name>/, with the GLSL file that it names.
+// The appearance models that this viewer can draw: every packing.json of the folders appearance/<name>/, with the GLSL
+// file that it names.
 
 import type { PackingDescription } from './format/packing';
 
@@ -9,9 +10,15 @@ export interface ModelCode {
 }
 
 // '@more-models' is the folder that GSAPP_MORE_MODELS names, or the same as the first (vite.config.ts).
-const descriptions = import.meta.glob(['../../../appearance/*/packing.json', '@more-models/*/packing.json'], { import: 'default', eager: true }) as Record<
-  string, PackingDescription | PackingDescription[]>;
-const shaders = import.meta.glob(['../../../appearance/*/*.glsl', '@more-models/*/*.glsl'], { query: '?raw', import: 'default', eager: true }) as Record<string, string>;
+const descriptions = import.meta.glob(['../../../appearance/*/packing.json', '@more-models/*/packing.json'], {
+  import: 'default',
+  eager: true,
+}) as Record<string, PackingDescription | PackingDescription[]>;
+const shaders = import.meta.glob(['../../../appearance/*/*.glsl', '@more-models/*/*.glsl'], {
+  query: '?raw',
+  import: 'default',
+  eager: true,
+}) as Record<string, string>;
 
 function modelsOf(file: string, content: PackingDescription | PackingDescription[]): ModelCode[] {
   return [content].flat().map((packing) => {
@@ -23,5 +30,7 @@ function modelsOf(file: string, content: PackingDescription | PackingDescription
 
 /** By model number. */
 export const models: ReadonlyMap<number, ModelCode> = new Map(
-  Object.entries(descriptions).flatMap(([file, content]) => modelsOf(file, content)).map((model) => [model.packing.id, model]),
+  Object.entries(descriptions)
+    .flatMap(([file, content]) => modelsOf(file, content))
+    .map((model) => [model.packing.id, model]),
 );

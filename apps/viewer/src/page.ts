@@ -3,7 +3,11 @@
 
 import { parseAddress, type Address } from './address';
 
-const content = (name: string): string | undefined => document.querySelector<HTMLMetaElement>(`meta[name="gsapp:${name}"]`)?.content;
+const content = (name: string): string | undefined =>
+  document.querySelector<HTMLMetaElement>(`meta[name="gsapp:${name}"]`)?.content;
 const start = content('start');
 
-export const PAGE: { title?: string; start?: Address } = { title: content('title'), start: start === undefined ? undefined : parseAddress(start) };
+export const PAGE: { title?: string; start?: Address } = {
+  title: content('title'),
+  start: start === undefined ? undefined : parseAddress(start),
+};

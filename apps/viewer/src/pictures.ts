@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is taken of the model as it is: saved pictures, frame times, and what tests look at. Nothing else is drawn meanwhile.
+// What is taken of the model as it is: saved pictures, frame times, and what tests look at. Nothing else is drawn
+// meanwhile.
 
 import { runBenchmark, type BenchmarkResult } from './benchmark';
 import type { Navigator } from './camera/navigator';
@@ -70,7 +71,9 @@ export class Pictures {
   async save(): Promise<string> {
     const { page } = this;
     const { blob, title, view } = await this.reserve(async (model) => {
-      const { navigator, title } = model, { canvas } = page.renderer(), view = navigator.view(canvas.width, canvas.height);
+      const { navigator, title } = model;
+      const { canvas } = page.renderer();
+      const view = navigator.view(canvas.width, canvas.height);
       await page.sort(view);
       if (page.model() !== model) throw new Error('Another model has come meanwhile.');
       page.drawView(view, navigator.pinned);
@@ -84,7 +87,11 @@ export class Pictures {
 
   private async pixels(view: View, mode: Mode, testView: number | undefined, precision: Precision): Promise<Pixels> {
     await this.page.sort(view);
-    return { width: view.width, height: view.height, pixels: await this.page.renderer().renderPixels(view, this.page.picture(mode, testView), precision) };
+    return {
+      width: view.width,
+      height: view.height,
+      pixels: await this.page.renderer().renderPixels(view, this.page.picture(mode, testView), precision),
+    };
   }
 
   /** A test view at its own size and pose. */
@@ -97,17 +104,34 @@ export class Pictures {
     return this.reserve(() => this.pixels(view, mode, undefined, precision));
   }
 
-  /** The point that is seen at a place of the picture, given as shares of its width and height; undefined where there is little to see. */
+  /**
+   * The point that is seen at a place of the picture, given as shares of its width and height; undefined where there is
+   * little to see.
+   */
   async pointAt(x: number, y: number): Promise<Vector | undefined> {
     return this.reserve(async ({ navigator, scene }) => {
-      const renderer = this.page.renderer(), { canvas } = renderer, whole = navigator.view(canvas.width, canvas.height), [u, v] = [x * whole.width, y * whole.height];
-      // A picture of one pixel, drawn in the order of the whole one: on black and on white, which tells how much covers it.
+      const renderer = this.page.renderer();
+      const { canvas } = renderer;
+      const whole = navigator.view(canvas.width, canvas.height);
+      const [u, v] = [x * whole.width, y * whole.height];
+      // A picture of one pixel, drawn in the order of the whole one: on black and on white, which tells how much covers
+      // it.
       const pixel = { ...whole, cx: whole.cx - u + 0.5, cy: whole.cy - v + 0.5, width: 1, height: 1 };
-      const onBackground = async (grey: number) => (await renderer.renderPixels(pixel, { ...this.page.picture('depth', undefined), background: [grey, grey, grey] }))[0] / 255;
-      const onBlack = await onBackground(0), covered = 1 - (await onBackground(1)) + onBlack, depth = depthOf(scene, pixel, onBlack / covered);
+      const onBackground = async (grey: number) =>
+        (
+          await renderer.renderPixels(pixel, {
+            ...this.page.picture('depth', undefined),
+            background: [grey, grey, grey],
+          })
+        )[0] / 255;
+      const onBlack = await onBackground(0);
+      const covered = 1 - (await onBackground(1)) + onBlack;
+      const depth = depthOf(scene, pixel, onBlack / covered);
       if (!(covered >= LEAST_COVERED && depth < Infinity)) return undefined;
       const [right, down] = [(u - whole.cx) / whole.fx, (v - whole.cy) / whole.fy];
-      return whole.position.map((p, i) => p + depth * (whole.forward[i] + right * whole.right[i] + down * whole.down[i])) as Vector;
+      return whole.position.map(
+        (p, i) => p + depth * (whole.forward[i] + right * whole.right[i] + down * whole.down[i]),
+      ) as Vector;
     });
   }
 
@@ -129,6 +153,17 @@ export class Pictures {
   async benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {
     const { page } = this;
     if (!page.model().isComplete) throw new Error('the model is still on its way');
-    return this.reserve(({ name, scene, navigator }) => runBenchmark(page.renderer(), scene, navigator.current(), name, (view) => page.sort(view), framesPerView, progress, page.signal()));
+    return this.reserve(({ name, scene, navigator }) =>
+      runBenchmark(
+        page.renderer(),
+        scene,
+        navigator.current(),
+        name,
+        (view) => page.sort(view),
+        framesPerView,
+        progress,
+        page.signal(),
+      ),
+    );
   }
 }

@@ -26,8 +26,18 @@ export class Screen {
   renderer: SceneRenderer;
 
   /** Throws RenderError where nothing can draw. */
-  constructor(device: GPUDevice | undefined, private readonly events: ScreenEvents) {
-    this.renderer = device ? new WebGpuRenderer(device, this.canvasBehind(), (message) => events.failed(message), () => events.counted()) : new Renderer(this.canvas);
+  constructor(
+    device: GPUDevice | undefined,
+    private readonly events: ScreenEvents,
+  ) {
+    this.renderer = device
+      ? new WebGpuRenderer(
+          device,
+          this.canvasBehind(),
+          (message) => events.failed(message),
+          () => events.counted(),
+        )
+      : new Renderer(this.canvas);
     new ResizeObserver(this.resize).observe(this.canvas);
     addEventListener('resize', this.resize); // another density of the screen may become known after the size
   }
@@ -43,7 +53,10 @@ export class Screen {
 
   private readonly resize = () => {
     const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
-    this.renderer.setSize(Math.max(1, Math.round(scale * this.canvas.clientWidth)), Math.max(1, Math.round(scale * this.canvas.clientHeight)));
+    this.renderer.setSize(
+      Math.max(1, Math.round(scale * this.canvas.clientWidth)),
+      Math.max(1, Math.round(scale * this.canvas.clientHeight)),
+    );
     this.events.resized();
   };
 
@@ -55,7 +68,10 @@ export class Screen {
     this.resize();
   }
 
-  /** Gives the scene to what draws it: to WebGL2 where WebGPU does not take it. Throws RenderError where the device cannot hold it. */
+  /**
+   * Gives the scene to what draws it: to WebGL2 where WebGPU does not take it. Throws RenderError where the device
+   * cannot hold it.
+   */
   beginScene(scene: Scene): void {
     if (!this.renderer.canvas.isConnected) this.useWebGl(); // which could not be done before
     try {

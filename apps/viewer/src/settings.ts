@@ -26,5 +26,16 @@ export interface Settings {
   panel: boolean | undefined;
 }
 
-export const DEFAULTS: Readonly<Settings> = { mode: 'full', photometric: true, movement: 'orbit', up: undefined, background: undefined, splatSize: 1, points: false, near: 0, detail: undefined, panel: undefined };
+export const DEFAULTS: Readonly<Settings> = {
+  mode: 'full',
+  photometric: true,
+  movement: 'orbit',
+  up: undefined,
+  background: undefined,
+  splatSize: 1,
+  points: false,
+  near: 0,
+  detail: undefined,
+  panel: undefined,
+};
 export const SPLAT_SIZES = { least: 0.1, most: 2 };

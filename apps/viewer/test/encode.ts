@@ -28,17 +28,48 @@ export const TRAILER = { appearance: 'sh', background: [1, 0.5, 0] };
 /** The bytes of a file; without any fields, of three Gaussians of model `none`. */
 export function encode(fields: Partial<Fields> = {}): ArrayBuffer {
   const f: Fields = {
-    count: 3, featureDim: 0, bandMask: 0, colorActivation: 0, residualActivation: 0, neurons: 0, hiddenLayers: 0, flags: 0, model: 1, weights: new Uint16Array(),
-    positions: [[0x3c00, 0xc100, 0x0000]], testCameras: [CAMERA], photometric: [], payload: new Uint32Array(), trailer: TRAILER, ...fields,
+    count: 3,
+    featureDim: 0,
+    bandMask: 0,
+    colorActivation: 0,
+    residualActivation: 0,
+    neurons: 0,
+    hiddenLayers: 0,
+    flags: 0,
+    model: 1,
+    weights: new Uint16Array(),
+    positions: [[0x3c00, 0xc100, 0x0000]],
+    testCameras: [CAMERA],
+    photometric: [],
+    payload: new Uint32Array(),
+    trailer: TRAILER,
+    ...fields,
   };
   const rows = Math.ceil(f.count / 2048);
-  const flags = f.flags | ((f.model & 3) << 3) | ((f.model & 4) << 4) | (f.photometric.length ? 1 << 7 : 0) | (f.numResiduals === undefined ? 0 : 1 << 8);
+  const flags =
+    f.flags |
+    ((f.model & 3) << 3) |
+    ((f.model & 4) << 4) |
+    (f.photometric.length ? 1 << 7 : 0) |
+    (f.numResiduals === undefined ? 0 : 1 << 8);
   const parts: ArrayBufferView[] = [];
   const text = (s: string) => parts.push(new TextEncoder().encode(s));
   const words = (...w: number[]) => parts.push(new Uint32Array(w));
   const floats = (...w: number[]) => parts.push(new Float32Array(w));
   text('NGSPLAT\n');
-  words(f.count, 2048, rows, f.featureDim, 0, f.bandMask, f.colorActivation, f.residualActivation, f.neurons, f.hiddenLayers, flags);
+  words(
+    f.count,
+    2048,
+    rows,
+    f.featureDim,
+    0,
+    f.bandMask,
+    f.colorActivation,
+    f.residualActivation,
+    f.neurons,
+    f.hiddenLayers,
+    flags,
+  );
   if (f.numResiduals !== undefined) words(f.numResiduals);
   floats(0.01, -0.5);
   if (f.model === 1) floats(6.3, 12.7, 3.1);
@@ -86,7 +117,9 @@ export function crc(bytes: Uint8Array): number {
 
 /** The bits of the nearest half-precision number; 0 below the normal ones. */
 export function toHalf(value: number): number {
-  const bits = new Uint32Array(Float32Array.of(value).buffer)[0], sign = (bits >>> 16) & 0x8000;
-  const rounded = ((bits & 0x7fffffff) + 0x1000) >>> 13, exponent = (rounded >> 10) - 112;
+  const bits = new Uint32Array(Float32Array.of(value).buffer)[0];
+  const sign = (bits >>> 16) & 0x8000;
+  const rounded = ((bits & 0x7fffffff) + 0x1000) >>> 13;
+  const exponent = (rounded >> 10) - 112;
   return exponent <= 0 ? sign : sign | (exponent << 10) | (rounded & 0x3ff);
 }

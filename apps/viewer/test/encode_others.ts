@@ -26,7 +26,9 @@ export function someGaussians(count: number, degree: number): Gaussian[] {
     rotation: [6, 7, 8, 9].map((k) => Math.fround(2 * wave(i, k))),
     logit: Math.fround(4 * wave(i, 10)),
     dc: [11, 12, 13].map((k) => Math.fround(1.5 * wave(i, k))),
-    rest: Array.from({ length: degree * (degree + 2) }, (_, j) => [0, 1, 2].map((c) => Math.fround(0.4 * wave(i, 14 + 3 * j + c)))),
+    rest: Array.from({ length: degree * (degree + 2) }, (_, j) =>
+      [0, 1, 2].map((c) => Math.fround(0.4 * wave(i, 14 + 3 * j + c))),
+    ),
   }));
 }
 
@@ -66,12 +68,24 @@ export interface PlyOptions {
 }
 
 export function encodePly(columns: Record<string, number[]>, options: PlyOptions = {}): ArrayBuffer {
-  const names = Object.keys(columns), count = columns[names[0]]?.length ?? 0, typeOf = (name: string) => options.types?.[name] ?? 'float';
-  const header = ['ply', `format ${options.bigEndian ? 'binary_big_endian' : 'binary_little_endian'} 1.0`, ...(options.comments ?? []).map((text) => `comment ${text}`), ...(options.before?.lines ?? []),
-    `element vertex ${options.count ?? count}`, ...names.map((name) => `property ${typeOf(name)} ${name}`), 'end_header', ''].join(options.lineEnd ?? '\n');
-  const text = new TextEncoder().encode(header), before = options.before?.bytes ?? new Uint8Array();
+  const names = Object.keys(columns);
+  const count = columns[names[0]]?.length ?? 0;
+  const typeOf = (name: string) => options.types?.[name] ?? 'float';
+  const header = [
+    'ply',
+    `format ${options.bigEndian ? 'binary_big_endian' : 'binary_little_endian'} 1.0`,
+    ...(options.comments ?? []).map((text) => `comment ${text}`),
+    ...(options.before?.lines ?? []),
+    `element vertex ${options.count ?? count}`,
+    ...names.map((name) => `property ${typeOf(name)} ${name}`),
+    'end_header',
+    '',
+  ].join(options.lineEnd ?? '\n');
+  const text = new TextEncoder().encode(header);
+  const before = options.before?.bytes ?? new Uint8Array();
   const stride = names.reduce((sum, name) => sum + SETTERS[typeOf(name)][0], 0);
-  const bytes = new Uint8Array(text.length + before.length + stride * count), view = new DataView(bytes.buffer);
+  const bytes = new Uint8Array(text.length + before.length + stride * count);
+  const view = new DataView(bytes.buffer);
   bytes.set(text);
   bytes.set(before, text.length);
   let at = text.length + before.length;
@@ -91,10 +105,18 @@ const unit = (q: number[]): number[] => q.map((x) => x / Math.hypot(...q));
 const Y0 = 0.28209479177387814;
 
 export function encodeSplat(gaussians: Gaussian[]): ArrayBuffer {
-  const bytes = new Uint8Array(32 * gaussians.length), view = new DataView(bytes.buffer);
+  const bytes = new Uint8Array(32 * gaussians.length);
+  const view = new DataView(bytes.buffer);
   gaussians.forEach((g, i) => {
     [...g.mean, ...g.logScale.map(Math.exp)].forEach((value, k) => view.setFloat32(32 * i + 4 * k, value, true));
-    bytes.set([...g.dc.map((dc) => byte(255 * (0.5 + Y0 * dc))), byte(255 * sigmoid(g.logit)), ...unit(g.rotation).map((x) => byte(128 * x + 128))], 32 * i + 24);
+    bytes.set(
+      [
+        ...g.dc.map((dc) => byte(255 * (0.5 + Y0 * dc))),
+        byte(255 * sigmoid(g.logit)),
+        ...unit(g.rotation).map((x) => byte(128 * x + 128)),
+      ],
+      32 * i + 24,
+    );
   });
   return bytes.buffer;
 }
@@ -118,7 +140,9 @@ const HALVES = Array.from({ length: 0x7c00 }, (_, bits) => halfToFloat(bits));
 
 /** The bytes of the stream before gzip. */
 export function spzStream(gaussians: Gaussian[], options: SpzOptions = {}): Uint8Array {
-  const version = options.version ?? 3, terms = gaussians[0]?.rest.length ?? 0, out: number[] = [];
+  const version = options.version ?? 3;
+  const terms = gaussians[0]?.rest.length ?? 0;
+  const out: number[] = [];
   const word = (w: number) => out.push(w & 255, (w >>> 8) & 255, (w >>> 16) & 255, w >>> 24);
   [options.magic ?? 0x5053474e, version, options.count ?? gaussians.length].forEach(word);
   out.push(options.degree ?? Math.sqrt(terms + 1) - 1, 12, options.flags ?? 0, 0);
@@ -126,7 +150,11 @@ export function spzStream(gaussians: Gaussian[], options: SpzOptions = {}): Uint
   for (const g of gaussians)
     for (const x of turn(g.mean)) {
       if (version === 1) {
-        const bits = HALVES.reduce((best, value, b) => (Math.abs(value - Math.abs(x)) < Math.abs(HALVES[best] - Math.abs(x)) ? b : best), 0) | (x < 0 ? 0x8000 : 0);
+        const bits =
+          HALVES.reduce(
+            (best, value, b) => (Math.abs(value - Math.abs(x)) < Math.abs(HALVES[best] - Math.abs(x)) ? b : best),
+            0,
+          ) | (x < 0 ? 0x8000 : 0);
         out.push(bits & 255, bits >> 8);
       } else {
         const fixed = Math.round(4096 * x);
@@ -137,7 +165,8 @@ export function spzStream(gaussians: Gaussian[], options: SpzOptions = {}): Uint
   for (const g of gaussians) for (const dc of g.dc) out.push(byte(255 * (0.15 * dc + 0.5)));
   for (const g of gaussians) for (const s of g.logScale) out.push(byte(16 * (s + 10)));
   for (const g of gaussians) {
-    const [w, x, y, z] = unit(g.rotation), q = [w, -z, y, -x]; // as x, y, z, w after half a turn about x
+    const [w, x, y, z] = unit(g.rotation);
+    const q = [w, -z, y, -x]; // as x, y, z, w after half a turn about x
     if (version < 3) {
       for (const value of q.slice(0, 3)) out.push(byte(127.5 * value * Math.sign(q[3]) + 127.5));
       continue;
@@ -145,11 +174,16 @@ export function spzStream(gaussians: Gaussian[], options: SpzOptions = {}): Uint
     const largest = q.reduce((best, value, k) => (Math.abs(value) > Math.abs(q[best]) ? k : best), 0);
     let packed = largest;
     q.forEach((value, k) => {
-      if (k !== largest) packed = packed * 1024 + (value * q[largest] < 0 ? 512 : 0) + Math.min(511, Math.floor(511 * Math.abs(value) * Math.SQRT2 + 0.5));
+      if (k !== largest)
+        packed =
+          packed * 1024 +
+          (value * q[largest] < 0 ? 512 : 0) +
+          Math.min(511, Math.floor(511 * Math.abs(value) * Math.SQRT2 + 0.5));
     });
     word(packed);
   }
-  for (const g of gaussians) g.rest.forEach((rgb, j) => rgb.forEach((value) => out.push(byte(128 * (ODD[j] ? -value : value) + 128))));
+  for (const g of gaussians)
+    g.rest.forEach((rgb, j) => rgb.forEach((value) => out.push(byte(128 * (ODD[j] ? -value : value) + 128))));
   return Uint8Array.from([...out, ...(options.behind ?? [])]);
 }
 
@@ -160,9 +194,11 @@ export function encodeSpz(gaussians: Gaussian[], options: SpzOptions = {}): Arra
 
 /** A zstd frame of blocks that are not compressed. */
 export function zstdFrame(bytes: Uint8Array): Uint8Array {
-  const out = [0x28, 0xb5, 0x2f, 0xfd, 0xa0, ...new Uint8Array(Uint32Array.of(bytes.length).buffer)], most = 1 << 16;
+  const out = [0x28, 0xb5, 0x2f, 0xfd, 0xa0, ...new Uint8Array(Uint32Array.of(bytes.length).buffer)];
+  const most = 1 << 16;
   for (let at = 0; at === 0 || at < bytes.length; at += most) {
-    const block = bytes.subarray(at, at + most), header = (block.length << 3) | Number(at + most >= bytes.length);
+    const block = bytes.subarray(at, at + most);
+    const header = (block.length << 3) | Number(at + most >= bytes.length);
     out.push(header & 255, (header >> 8) & 255, header >> 16, ...block);
   }
   return Uint8Array.from(out);
@@ -170,16 +206,24 @@ export function zstdFrame(bytes: Uint8Array): Uint8Array {
 
 /** Version 4, with `extensions` between header and table. */
 export function encodeSpz4(gaussians: Gaussian[], extensions: number[] = []): ArrayBuffer {
-  const plain = spzStream(gaussians), count = gaussians.length, sizes = [9, 1, 3, 3, 4, 3 * (gaussians[0]?.rest.length ?? 0)].filter((size) => size > 0);
+  const plain = spzStream(gaussians);
+  const count = gaussians.length;
+  const sizes = [9, 1, 3, 3, 4, 3 * (gaussians[0]?.rest.length ?? 0)].filter((size) => size > 0);
   let end = 16;
   const streams = sizes.map((size) => zstdFrame(plain.subarray(end, (end += count * size))));
-  const header = new Uint8Array(32), table = new BigUint64Array(streams.flatMap((stream, k) => [BigInt(stream.length), BigInt(count * sizes[k])]));
+  const header = new Uint8Array(32);
+  const table = new BigUint64Array(streams.flatMap((stream, k) => [BigInt(stream.length), BigInt(count * sizes[k])]));
   header.set(plain.subarray(0, 16));
   header[4] = 4;
   header[14] = extensions.length > 0 ? 2 : 0;
   header[15] = streams.length;
   new DataView(header.buffer).setUint32(16, 32 + extensions.length, true);
-  return Uint8Array.from([...header, ...extensions, ...new Uint8Array(table.buffer), ...streams.flatMap((stream) => [...stream])]).buffer;
+  return Uint8Array.from([
+    ...header,
+    ...extensions,
+    ...new Uint8Array(table.buffer),
+    ...streams.flatMap((stream) => [...stream]),
+  ]).buffer;
 }
 
 /** Of a rotation and standard deviations: xx, xy, xz, yy, yz, zz. */
@@ -195,17 +239,32 @@ export function covariance(q: number[], size: number[]): number[] {
 }
 
 /** What docs/formats.md says of a Gaussian's geometry and coefficients. */
-export function decoded(scene: Scene, i: number): { mean: number[]; size: number[]; rotation: number[]; opacity: number; base: number[]; rest: number[][] } {
-  const words = scene.geometry.subarray(4 * i, 4 * i + 4), byteOf = (word: number, k: number) => (words[word] >>> (8 * k)) & 255;
+export function decoded(
+  scene: Scene,
+  i: number,
+): { mean: number[]; size: number[]; rotation: number[]; opacity: number; base: number[]; rest: number[][] } {
+  const words = scene.geometry.subarray(4 * i, 4 * i + 4);
+  const byteOf = (word: number, k: number) => (words[word] >>> (8 * k)) & 255;
   let [u, v] = [2, 3].map((k) => (byteOf(2, k) / 255) * 2 - 1);
   const z = 1 - Math.abs(u) - Math.abs(v);
   if (z < 0) [u, v] = [(1 - Math.abs(v)) * (u < 0 ? -1 : 1), (1 - Math.abs(u)) * (v < 0 ? -1 : 1)];
-  const angle = (byteOf(3, 3) / 255) * Math.PI, norm = Math.hypot(u, v, z);
+  const angle = (byteOf(3, 3) / 255) * Math.PI;
+  const norm = Math.hypot(u, v, z);
   const coefficients: number[] = [];
-  const bits = [7, 8, 6], places = scene.payload.flatMap(({ words: wide, layers, data }) => Array.from({ length: layers }, (_, layer) => data.subarray(((layer * data.length) / layers) + wide * i, ((layer * data.length) / layers) + wide * (i + 1))));
+  const bits = [7, 8, 6];
+  const places = scene.payload.flatMap(({ words: wide, layers, data }) =>
+    Array.from({ length: layers }, (_, layer) =>
+      data.subarray((layer * data.length) / layers + wide * i, (layer * data.length) / layers + wide * (i + 1)),
+    ),
+  );
   places.forEach((place, band) => {
-    const number = place.reduceRight((sum, w) => (sum << 32n) | BigInt(w), 0n), n = BigInt(bits[band]);
-    for (let f = 0; f < 3 * (2 * band + 3); ++f) coefficients.push((Number(BigInt.asIntN(bits[band], number >> (n * BigInt(f)))) * scene.floats[band]) / (2 ** (bits[band] - 1) - 1));
+    const number = place.reduceRight((sum, w) => (sum << 32n) | BigInt(w), 0n);
+    const n = BigInt(bits[band]);
+    for (let f = 0; f < 3 * (2 * band + 3); ++f)
+      coefficients.push(
+        (Number(BigInt.asIntN(bits[band], number >> (n * BigInt(f)))) * scene.floats[band]) /
+          (2 ** (bits[band] - 1) - 1),
+      );
   });
   return {
     mean: [words[1] & 0xffff, words[1] >>> 16, words[2] & 0xffff].map(halfToFloat),

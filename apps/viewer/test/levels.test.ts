@@ -66,7 +66,8 @@ describe('the memory', () => {
 
 describe('the meter', () => {
   it('says that it is sorting until there is an order', () => {
-    const output = { textContent: '' } as HTMLElement, meter = new Meter(output);
+    const output = { textContent: '' } as HTMLElement;
+    const meter = new Meter(output);
     meter.frame(0, undefined, 0);
     expect(output.textContent).toBe('sorting…');
     meter.frame(10, 0, 0);

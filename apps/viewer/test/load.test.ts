@@ -14,13 +14,20 @@ function streamOf(parts: number): ReadableStream<Uint8Array> {
 describe('readParts', () => {
   it('takes all parts in their order', async () => {
     const seen: number[][] = [];
-    await readParts({ name: 'f', parts: partsOf(streamOf(3)) }, (part) => seen.push([part[0], part.at(-1)!, part.length]));
-    expect(seen).toEqual([[0, 0, PART], [1, 1, PART], [2, 2, PART]]);
+    await readParts({ name: 'f', parts: partsOf(streamOf(3)) }, (part) =>
+      seen.push([part[0], part.at(-1)!, part.length]),
+    );
+    expect(seen).toEqual([
+      [0, 0, PART],
+      [1, 1, PART],
+      [2, 2, PART],
+    ]);
   });
 
   it('lets the page do something else, however large the parts are', async () => {
     let others = 0;
-    const timer = setInterval(() => ++others, 1), work = () => {
+    const timer = setInterval(() => ++others, 1);
+    const work = () => {
       for (const begin = performance.now(); performance.now() - begin < 5;);
     };
     const stream = new ReadableStream<Uint8Array>({ start: (c) => (c.enqueue(new Uint8Array(40 << 20)), c.close()) });
@@ -31,8 +38,15 @@ describe('readParts', () => {
 
   it('lets go of a transfer that is no longer wanted', async () => {
     let cancelled = false;
-    const stream = new ReadableStream<Uint8Array>({ pull: (c) => c.enqueue(new Uint8Array(10)), cancel: () => void (cancelled = true) });
-    await expect(readParts({ name: 'f', parts: partsOf(stream) }, () => { throw new Error('enough'); })).rejects.toThrow('enough');
+    const stream = new ReadableStream<Uint8Array>({
+      pull: (c) => c.enqueue(new Uint8Array(10)),
+      cancel: () => void (cancelled = true),
+    });
+    await expect(
+      readParts({ name: 'f', parts: partsOf(stream) }, () => {
+        throw new Error('enough');
+      }),
+    ).rejects.toThrow('enough');
     expect(cancelled).toBe(true);
   });
 });
@@ -45,31 +59,49 @@ describe('fetchSource', () => {
     return fetchSource(url, new AbortController().signal);
   };
 
-  it.each([['scene.ngsplat', 'scene.ngsplat'], ['a/b%20c.ngsplat?x', 'b c.ngsplat'], ['http://[::1]:9/d', 'd'], ['%E0%A4%A', '%E0%A4%A'], ['', '']])(
-    'names %s', async (url, name) => expect((await open(url)).name).toBe(name));
+  it.each([
+    ['scene.ngsplat', 'scene.ngsplat'],
+    ['a/b%20c.ngsplat?x', 'b c.ngsplat'],
+    ['http://[::1]:9/d', 'd'],
+    ['%E0%A4%A', '%E0%A4%A'],
+    ['', ''],
+  ])('names %s', async (url, name) => expect((await open(url)).name).toBe(name));
 
   it.each(['http://', 'http://[', 'http://a:b:c/'])('says that %s is no address', async (url) => {
     await expect(open(url)).rejects.toThrow(`'${url}' is no address of a file`);
   });
 
-  it.each([['8', 8], ['-1', undefined], ['1e400', undefined], ['many', undefined], ['0.5', undefined]])('takes %s for a length', async (length, size) => {
+  it.each([
+    ['8', 8],
+    ['-1', undefined],
+    ['1e400', undefined],
+    ['many', undefined],
+    ['0.5', undefined],
+  ])('takes %s for a length', async (length, size) => {
     expect((await open('f', { 'content-length': length })).size).toBe(size);
   });
 });
 
 describe('partsOf', () => {
   it('fills the same memory where the stream can', async () => {
-    const left = [[1, 2, 3], [4, 5]], taken: number[] = [];
-    const parts = partsOf(new ReadableStream({
-      type: 'bytes',
-      pull(controller) {
-        const { view } = controller.byobRequest!, next = left.shift();
-        taken.push(view!.byteLength);
-        if (next) new Uint8Array(view!.buffer).set(next);
-        else controller.close();
-        controller.byobRequest!.respond(next?.length ?? 0);
-      },
-    }));
+    const left = [
+      [1, 2, 3],
+      [4, 5],
+    ];
+    const taken: number[] = [];
+    const parts = partsOf(
+      new ReadableStream({
+        type: 'bytes',
+        pull(controller) {
+          const { view } = controller.byobRequest!;
+          const next = left.shift();
+          taken.push(view!.byteLength);
+          if (next) new Uint8Array(view!.buffer).set(next);
+          else controller.close();
+          controller.byobRequest!.respond(next?.length ?? 0);
+        },
+      }),
+    );
     expect([...(await parts.read())!]).toEqual([1, 2, 3]);
     expect([...(await parts.read())!]).toEqual([4, 5]);
     expect(await parts.read()).toBeUndefined();
@@ -85,7 +117,8 @@ describe('partsOf', () => {
 });
 
 it('what browsers say of too little memory becomes a plain message', () => {
-  for (const words of ['Array buffer allocation failed', 'Invalid typed array length: 7', 'Out of memory']) expect(messageOf(new RangeError(words))).toBe('The memory does not suffice for this file.');
+  for (const words of ['Array buffer allocation failed', 'Invalid typed array length: 7', 'Out of memory'])
+    expect(messageOf(new RangeError(words))).toBe('The memory does not suffice for this file.');
   expect(messageOf(new FormatError('the file is truncated'))).toBe('the file is truncated');
 });
 

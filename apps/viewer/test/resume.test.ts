@@ -18,7 +18,8 @@ function body(begin: number, most = Infinity): ReadableStream<Uint8Array> {
 }
 
 const RANGES = { 'accept-ranges': 'bytes' };
-const rest = (begin: number, most?: number) => new Response(body(begin, most), { status: 206, headers: { 'content-range': `bytes ${begin}-99/100` } });
+const rest = (begin: number, most?: number) =>
+  new Response(body(begin, most), { status: 206, headers: { 'content-range': `bytes ${begin}-99/100` } });
 
 /** Serves what follows; returns what was asked. */
 function serve(answer: (begin: number, request: number) => Response): Headers[] {
@@ -53,7 +54,9 @@ describe('a transfer that breaks', () => {
     });
     expect(await read('a.ngsplat', new Response(body(0, 30), { headers: RANGES }))).toEqual([...FILE]);
     expect(asked.length).toBe(4);
-    serve(() => { throw new TypeError('no connection'); });
+    serve(() => {
+      throw new TypeError('no connection');
+    });
     await expect(read('a.ngsplat', new Response(body(0, 30), { headers: RANGES }))).rejects.toThrow('network error');
   });
 
@@ -62,7 +65,12 @@ describe('a transfer that breaks', () => {
     expect(await read('a.ply', new Response(body(0, 30), { headers: { ...RANGES, etag: '"x"' } }))).toEqual([...FILE]);
     expect(asked[0].get('if-range')).toBe('"x"');
     asked = serve((begin) => rest(begin));
-    await read('a.ply', new Response(body(0, 30), { headers: { ...RANGES, etag: 'W/"weak"', 'last-modified': 'Mon, 23 Nov 2026 10:00:00 GMT' } }));
+    await read(
+      'a.ply',
+      new Response(body(0, 30), {
+        headers: { ...RANGES, etag: 'W/"weak"', 'last-modified': 'Mon, 23 Nov 2026 10:00:00 GMT' },
+      }),
+    );
     expect(asked[0].get('if-range')).toBe('Mon, 23 Nov 2026 10:00:00 GMT');
     const others: [Response, string][] = [
       [new Response(body(0)), 'has another file by now'],
@@ -95,7 +103,9 @@ describe('a transfer that breaks', () => {
       abort.abort(new Error('enough'));
       throw new TypeError('no connection');
     });
-    await expect(read('a.ngsplat', new Response(body(0, 30), { headers: RANGES }), abort.signal)).rejects.toThrow('enough');
+    await expect(read('a.ngsplat', new Response(body(0, 30), { headers: RANGES }), abort.signal)).rejects.toThrow(
+      'enough',
+    );
     expect(asked.length).toBe(1);
   });
 });

@@ -4,7 +4,8 @@ import { describe, expect, it } from 'vitest';
 import { dot, minus, type Vector } from '../src/format/vector';
 import { eyeView, headView, placeAt, pointIn } from '../src/xr/eyes';
 
-const near = (seen: readonly number[], wanted: readonly number[]) => seen.forEach((x, i) => expect(x).toBeCloseTo(wanted[i], 6));
+const near = (seen: readonly number[], wanted: readonly number[]) =>
+  seen.forEach((x, i) => expect(x).toBeCloseTo(wanted[i], 6));
 
 const HEAD = { position: new Vector3(), orientation: new Quaternion() };
 
@@ -12,15 +13,20 @@ describe('the room of a headset', () => {
   it('is level, looks where the camera looks, and has what that looks at two metres away', () => {
     const place = placeAt([0, -1, -4], [0, 0, 0], [0, -1, 0], HEAD); // y down, as in 3DGS
     near(pointIn(place, new Vector3()).toArray(), [0, -1, -4]);
-    const up = minus(pointIn(place, new Vector3(0, 1, 0)).toArray(), [0, -1, -4]), ahead = minus(pointIn(place, new Vector3(0, 0, -2)).toArray(), [0, -1, -4]);
+    const up = minus(pointIn(place, new Vector3(0, 1, 0)).toArray(), [0, -1, -4]);
+    const ahead = minus(pointIn(place, new Vector3(0, 0, -2)).toArray(), [0, -1, -4]);
     near(up, [0, -Math.sqrt(17) / 2, 0]);
     near(ahead, [0, 0, Math.sqrt(17)]);
     expect(dot(up, ahead)).toBeCloseTo(0);
   });
 
   it('begins where the head is, and which way that is turned', () => {
-    const head = { position: new Vector3(1, 1.6, 2), orientation: new Quaternion().setFromAxisAngle(new Vector3(0, 1, 0), 0.7) };
-    const place = placeAt([0, 0, -4], [0, 0, 0], [0, -1, 0], head), ahead = new Vector3(0, 0, -2).applyQuaternion(head.orientation).add(head.position);
+    const head = {
+      position: new Vector3(1, 1.6, 2),
+      orientation: new Quaternion().setFromAxisAngle(new Vector3(0, 1, 0), 0.7),
+    };
+    const place = placeAt([0, 0, -4], [0, 0, 0], [0, -1, 0], head);
+    const ahead = new Vector3(0, 0, -2).applyQuaternion(head.orientation).add(head.position);
     near(pointIn(place, head.position).toArray(), [0, 0, -4]);
     near(pointIn(place, ahead).toArray(), [0, 0, 0]);
   });
@@ -53,7 +59,8 @@ describe('an eye', () => {
   });
 
   it('has no more to see than the head', () => {
-    const eyes = [eye(-0.03, -0.2), eye(0.03, 0.2)], head = headView(eyes);
+    const eyes = [eye(-0.03, -0.2), eye(0.03, 0.2)];
+    const head = headView(eyes);
     near(head.position, [0, 0, -4]);
     near([head.fx, head.width, head.cx, head.height], [100, 240, 120, 200] satisfies number[]);
     expect(head.forward).toEqual<Vector>(eyes[0].forward);

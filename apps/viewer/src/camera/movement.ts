@@ -12,16 +12,24 @@ export interface Movement {
 
 const STEP = MathUtils.degToRad(3);
 /** Factor on the distance for a key, and on the speed for a notch of the wheel of so many pixels. */
-const NEARER = 0.95, FASTER = 1.25, NOTCH = 100;
-const LEAST_SPEED = 1 / 64, MOST_SPEED = 64;
+const NEARER = 0.95;
+const FASTER = 1.25;
+const NOTCH = 100;
+const LEAST_SPEED = 1 / 64;
+const MOST_SPEED = 64;
 
 /** Seconds in which what a drag left to do shrinks to 1/e, and after how many there is nothing of it. */
-const GLIDE = 0.12, REST = 8 * GLIDE;
+const GLIDE = 0.12;
+const REST = 8 * GLIDE;
 
 /** The share of what a drag left to do that so many seconds do: all at once for those who asked for less motion. */
-const glide = (seconds: number): number => (matchMedia('(prefers-reduced-motion: reduce)').matches ? 1 : 1 - Math.exp(-seconds / GLIDE));
+const glide = (seconds: number): number =>
+  matchMedia('(prefers-reduced-motion: reduce)').matches ? 1 : 1 - Math.exp(-seconds / GLIDE);
 
-/** Drag or arrow keys turn around the point looked at, the wheel, two fingers or + and - come closer, with the right button or shift it moves along. */
+/**
+ * Drag or arrow keys turn around the point looked at, the wheel, two fingers or + and - come closer, with the right
+ * button or shift it moves along.
+ */
 export class Orbit implements Movement {
   private readonly controls: OrbitControls;
   private silent = false;
@@ -30,7 +38,11 @@ export class Orbit implements Movement {
   /** When there is nothing left to do; undefined while nothing moves. */
   private restsAt: number | undefined;
 
-  constructor(private readonly camera: PerspectiveCamera, private readonly canvas: HTMLCanvasElement, changed: () => void) {
+  constructor(
+    private readonly camera: PerspectiveCamera,
+    private readonly canvas: HTMLCanvasElement,
+    changed: () => void,
+  ) {
     this.controls = new OrbitControls(camera, canvas); // takes the camera's up at this moment
     this.controls.enableDamping = true;
     this.controls.addEventListener('change', () => {
@@ -49,7 +61,9 @@ export class Orbit implements Movement {
 
   begin(focus: number): void {
     this.canvas.addEventListener('keydown', this.onKey);
-    this.controls.target.copy(this.camera.position).addScaledVector(this.camera.getWorldDirection(new Vector3()), focus);
+    this.controls.target
+      .copy(this.camera.position)
+      .addScaledVector(this.camera.getWorldDirection(new Vector3()), focus);
     this.controls.enabled = true;
     this.settle();
   }
@@ -81,7 +95,8 @@ export class Orbit implements Movement {
 
   /** Something moves the camera from here on. */
   private wake(): void {
-    const now = performance.now(), wasIdle = this.restsAt === undefined;
+    const now = performance.now();
+    const wasIdle = this.restsAt === undefined;
     this.restsAt = now + 1000 * REST;
     if (!wasIdle) return;
     this.lastTime = now;
@@ -91,7 +106,8 @@ export class Orbit implements Movement {
 
   private readonly tick = (): void => {
     if (this.restsAt === undefined) return;
-    const now = performance.now(), isOver = !this.isHeld && now >= this.restsAt;
+    const now = performance.now();
+    const isOver = !this.isHeld && now >= this.restsAt;
     this.controls.dampingFactor = isOver ? 1 : glide((now - this.lastTime) / 1000);
     this.lastTime = now;
     this.controls.update();
@@ -116,11 +132,16 @@ export class Orbit implements Movement {
   };
 }
 
-/** Drag looks around; W A S D, E and Q move, arrow keys look, the wheel changes the speed. Two fingers move: up is forward. */
+/**
+ * Drag looks around; W A S D, E and Q move, arrow keys look, the wheel changes the speed. Two fingers move: up is
+ * forward.
+ */
 export class Fly implements Movement {
   private readonly keys = new Set<string>();
   private readonly pointers = new Map<number, { x: number; y: number }>();
-  /** Motion that drags have left over: angles to the left and upwards, seconds at full speed to the right and forward. */
+  /**
+   * Motion that drags have left over: angles to the left and upwards, seconds at full speed to the right and forward.
+   */
   private readonly rest = { left: 0, up: 0, right: 0, forward: 0 };
   private lastTime = 0;
   private isMoving = false;
@@ -128,8 +149,13 @@ export class Fly implements Movement {
   private factor = 1;
 
   /** `speed` in world units per second; `faster` is told a new factor of it. */
-  constructor(private readonly camera: PerspectiveCamera, private readonly canvas: HTMLCanvasElement, private readonly speed: number, private readonly changed: () => void,
-              private readonly faster: (factor: number) => void) {}
+  constructor(
+    private readonly camera: PerspectiveCamera,
+    private readonly canvas: HTMLCanvasElement,
+    private readonly speed: number,
+    private readonly changed: () => void,
+    private readonly faster: (factor: number) => void,
+  ) {}
 
   private readonly listeners: [string, (event: never) => void][] = [
     ['keydown', (event: KeyboardEvent) => this.onKey(event, true)],
@@ -177,11 +203,20 @@ export class Fly implements Movement {
     const { keys, rest } = this;
     this.isMoving = keys.size > 0 || Object.values(rest).some((value) => Math.abs(value) > 1e-4);
     if (!this.isMoving) return;
-    const now = performance.now(), seconds = Math.min(0.1, (now - this.lastTime) / 1000), share = glide((now - this.lastTime) / 1000);
+    const now = performance.now();
+    const seconds = Math.min(0.1, (now - this.lastTime) / 1000);
+    const share = glide((now - this.lastTime) / 1000);
     this.lastTime = now;
     const axis = (minus: string, plus: string) => Number(keys.has(plus)) - Number(keys.has(minus));
-    this.move(axis('a', 'd') * seconds + share * rest.right, axis('q', 'e') * seconds, axis('s', 'w') * seconds + share * rest.forward);
-    this.look(axis('arrowright', 'arrowleft') * seconds + share * rest.left, axis('arrowdown', 'arrowup') * seconds + share * rest.up);
+    this.move(
+      axis('a', 'd') * seconds + share * rest.right,
+      axis('q', 'e') * seconds,
+      axis('s', 'w') * seconds + share * rest.forward,
+    );
+    this.look(
+      axis('arrowright', 'arrowleft') * seconds + share * rest.left,
+      axis('arrowdown', 'arrowup') * seconds + share * rest.up,
+    );
     for (const name of ['left', 'up', 'right', 'forward'] as const) rest[name] *= 1 - share;
     this.changed();
     requestAnimationFrame(this.tick);
@@ -189,12 +224,15 @@ export class Fly implements Movement {
 
   /** Right, up and forward, in seconds at full speed. */
   private move(right: number, up: number, forward: number): void {
-    this.camera.position.add(new Vector3(right, up, -forward).multiplyScalar(this.factor * this.speed).applyQuaternion(this.camera.quaternion));
+    this.camera.position.add(
+      new Vector3(right, up, -forward).multiplyScalar(this.factor * this.speed).applyQuaternion(this.camera.quaternion),
+    );
   }
 
   /** By angles to the left and upwards; keeps the horizon level and stops before it turns over. */
   private look(left: number, up: number): void {
-    const { camera } = this, direction = camera.getWorldDirection(new Vector3()).applyAxisAngle(camera.up, left);
+    const { camera } = this;
+    const direction = camera.getWorldDirection(new Vector3()).applyAxisAngle(camera.up, left);
     const elevation = Math.PI / 2 - direction.angleTo(camera.up);
     const bounded = MathUtils.clamp(elevation + up, -1.5, 1.5) - elevation;
     const axis = new Vector3().crossVectors(direction, camera.up).normalize();
@@ -209,7 +247,8 @@ export class Fly implements Movement {
   private onPointerMove(event: PointerEvent): void {
     const last = this.pointers.get(event.pointerId);
     if (!last) return;
-    const dx = (event.clientX - last.x) / this.canvas.clientHeight, dy = (event.clientY - last.y) / this.canvas.clientHeight;
+    const dx = (event.clientX - last.x) / this.canvas.clientHeight;
+    const dy = (event.clientY - last.y) / this.canvas.clientHeight;
     this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
     if (this.pointers.size === 1) {
       this.rest.left += 2 * dx;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which view is shown: a test view or a frame of a path exactly, until the user moves; then the pose that moving led to.
+// Which view is shown: a test view or a frame of a path exactly, until the user moves; then the pose that moving led
+// to.
 
 import { MathUtils, PerspectiveCamera, Vector3 } from 'three';
 import type { AddressCamera } from '../address';
@@ -10,17 +11,20 @@ import { Fly, Orbit, type Movement } from './movement';
 import { fitView, fovOf, withFov, type View } from './view';
 
 /** The lens of a scene without test views: its vertical field of view in degrees, and its size. */
-const DEFAULT_FOV = 60, DEFAULT_SIZE = { width: 1280, height: 720 };
+const DEFAULT_FOV = 60;
+const DEFAULT_SIZE = { width: 1280, height: 720 };
 /** By how many degrees the first view of such a scene looks down. */
 const DOWN = 10;
 
 /** Around the sphere that is to be seen. */
 const MARGIN = 1.15;
 /** Share of the picture that may hide the middle, and the degrees to look down by if more does. */
-const MOST_COVERED = 0.25, STEEPER = [30, 55, 80];
+const MOST_COVERED = 0.25;
+const STEEPER = [30, 55, 80];
 
 /** Photographs that are turned by less stand upright; one that looks nearly up or down has no upright. */
-const MOST_ROLL = 10, LEAST_UPRIGHT = 0.3;
+const MOST_ROLL = 10;
+const LEAST_UPRIGHT = 0.3;
 
 /** A look that turns to another point takes so many milliseconds. */
 const TURN = 350;
@@ -52,25 +56,39 @@ export function axisOf(name: AxisName): Vector {
   return ['x', 'y', 'z'].map((axis) => (name.endsWith(axis) ? (name.startsWith('-') ? -1 : 1) : 0)) as Vector;
 }
 
-/** Where a model's front faces by custom, level: towards +z where +y is up (glTF), -z where -y is (COLMAP and 3DGS), -y where z is (CAD and Blender). */
+/**
+ * Where a model's front faces by custom, level: towards +z where +y is up (glTF), -z where -y is (COLMAP and 3DGS), -y
+ * where z is (CAD and Blender).
+ */
 export function frontOf(up: Vector): Vector {
-  const [, y, z] = up.map(Math.abs), upright = new Vector3(...up).normalize();
-  const front = z > y && z > Math.abs(up[0]) ? new Vector3(0, -Math.sign(up[2]), 0) : new Vector3(0, 0, up[1] < -Math.abs(up[0]) ? -1 : 1);
+  const [, y, z] = up.map(Math.abs);
+  const upright = new Vector3(...up).normalize();
+  const front =
+    z > y && z > Math.abs(up[0])
+      ? new Vector3(0, -Math.sign(up[2]), 0)
+      : new Vector3(0, 0, up[1] < -Math.abs(up[0]) ? -1 : 1);
   return vector(front.addScaledVector(upright, -front.dot(upright)).normalize());
 }
 
-/** A direction that looks down by so many degrees, above where `forward` looks to, or anywhere if that is up or down itself. */
+/**
+ * A direction that looks down by so many degrees, above where `forward` looks to, or anywhere if that is up or down
+ * itself.
+ */
 export function lookDown(forward: Vector, up: Vector, degrees: number): Vector {
-  const upright = new Vector3(...up).normalize(), level = new Vector3(...forward);
+  const upright = new Vector3(...up).normalize();
+  const level = new Vector3(...forward);
   level.addScaledVector(upright, -level.dot(upright));
   if (level.lengthSq() < 1e-6) level.set(...frontOf(up)).negate();
   const angle = MathUtils.degToRad(degrees);
   return vector(level.normalize().multiplyScalar(Math.cos(angle)).addScaledVector(upright, -Math.sin(angle)));
 }
 
-/** The angle in degrees by which a view is turned about its axis from where `up` is up in it; 0 if it looks up or down. */
+/**
+ * The angle in degrees by which a view is turned about its axis from where `up` is up in it; 0 if it looks up or down.
+ */
 export function rollOf({ right, down }: View, up: Vector): number {
-  const x = dot(up, right), y = -dot(up, down);
+  const x = dot(up, right);
+  const y = -dot(up, down);
   return Math.hypot(x, y) < LEAST_UPRIGHT * Math.hypot(...up) ? 0 : MathUtils.radToDeg(Math.atan2(-x, y));
 }
 
@@ -89,18 +107,37 @@ export class Navigator {
   private turning: number | undefined;
 
   /** `start` is the first view; without it, it follows from the scene. */
-  constructor(private scene: Scene, private sample: ModelSample, private readonly canvas: HTMLCanvasElement, private readonly events: NavigatorEvents, private readonly start?: AddressCamera) {
+  constructor(
+    private scene: Scene,
+    private sample: ModelSample,
+    private readonly canvas: HTMLCanvasElement,
+    private readonly events: NavigatorEvents,
+    private readonly start?: AddressCamera,
+  ) {
     this.camera.up.set(...scene.up).normalize();
     this.orbit = this.newOrbit();
-    this.fly = new Fly(this.camera, canvas, 0.5 * Math.max(scene.distance, 1e-3), this.moved, (factor) => events.faster(factor));
+    this.fly = new Fly(this.camera, canvas, 0.5 * Math.max(scene.distance, 1e-3), this.moved, (factor) =>
+      events.faster(factor),
+    );
     this.lens = this.usualLens;
     this.reset();
   }
 
   /** The lens of the test views, if there are any. */
   private get usualLens(): View {
-    const { width, height } = DEFAULT_SIZE, fy = height / 2 / Math.tan(MathUtils.degToRad(DEFAULT_FOV / 2));
-    return this.scene.testCameras[0] ?? { ...cameraPose(this.camera), width, height, fx: fy, fy, cx: width / 2, cy: height / 2 };
+    const { width, height } = DEFAULT_SIZE;
+    const fy = height / 2 / Math.tan(MathUtils.degToRad(DEFAULT_FOV / 2));
+    return (
+      this.scene.testCameras[0] ?? {
+        ...cameraPose(this.camera),
+        width,
+        height,
+        fx: fy,
+        fy,
+        cx: width / 2,
+        cy: height / 2,
+      }
+    );
   }
 
   private readonly moved = (): void => {
@@ -123,7 +160,9 @@ export class Navigator {
 
   /** Another direction is up: the camera stands upright by that one, and a model without views shows its front. */
   setUp(up: Vector): void {
-    const { target } = this, { position } = this.current(), wasFirst = this.isFirst;
+    const { target } = this;
+    const { position } = this.current();
+    const wasFirst = this.isFirst;
     this.mover.end();
     this.orbit.dispose();
     this.camera.up.set(...up).normalize();
@@ -134,7 +173,12 @@ export class Navigator {
 
   /** The test view that is shown first, if one is. */
   private get firstTestView(): number | undefined {
-    const { start, scene: { testCameras: { length } } } = this;
+    const {
+      start,
+      scene: {
+        testCameras: { length },
+      },
+    } = this;
     if (length === 0 || (start && 'from' in start)) return undefined;
     return start && start.view < length ? start.view : 0;
   }
@@ -159,7 +203,8 @@ export class Navigator {
 
   /** The pose of a test view without its roll: one that lies on its side is as wide as it was high. */
   private showUpright(view: View): void {
-    const roll = Math.abs(rollOf(view, this.up)), { width, height, fx, fy } = view;
+    const roll = Math.abs(rollOf(view, this.up));
+    const { width, height, fx, fy } = view;
     this.show(roll > 45 && roll < 135 ? { ...view, width: height, height: width, fx: fy, fy: fx } : view);
   }
 
@@ -182,7 +227,8 @@ export class Navigator {
 
   /** Distance at which the model's middle lies in the direction looked at. */
   private focus(): number {
-    const { forward, position } = cameraPose(this.camera), { center, radius } = this.extent();
+    const { forward, position } = cameraPose(this.camera);
+    const { center, radius } = this.extent();
     return Math.max(dot(minus(center, position), forward), 0.1 * radius, 1e-3);
   }
 
@@ -218,20 +264,27 @@ export class Navigator {
 
   /** Looks from one point to another; `fov` is the vertical one in degrees. */
   look(from: Vector, to: Vector, fov = this.fov): void {
-    const offset = new Vector3(...to).sub(new Vector3(...from)), distance = offset.length();
+    const offset = new Vector3(...to).sub(new Vector3(...from));
+    const distance = offset.length();
     this.show({ ...withFov(this.lens, fov), position: from, forward: vector(offset.divideScalar(distance)) }, distance);
   }
 
   /**
-   * Goes back until all of the model is seen, in the direction looked at or another one. Where something else stands in front of it, as the walls of a
-   * room, it looks from higher above.
+   * Goes back until all of the model is seen, in the direction looked at or another one. Where something else stands in
+   * front of it, as the walls of a room, it looks from higher above.
    */
   frame(direction = this.current().forward): void {
-    const { center, radius } = this.extent(), { lens } = this, half = Math.atan(Math.min(lens.width / 2 / lens.fx, lens.height / 2 / lens.fy));
-    const distance = (MARGIN * Math.max(radius, 1e-3)) / Math.sin(half), down = MathUtils.radToDeg(Math.asin(MathUtils.clamp(-dot(direction, this.up), -1, 1)));
+    const { center, radius } = this.extent();
+    const { lens } = this;
+    const half = Math.atan(Math.min(lens.width / 2 / lens.fx, lens.height / 2 / lens.fy));
+    const distance = (MARGIN * Math.max(radius, 1e-3)) / Math.sin(half);
+    const down = MathUtils.radToDeg(Math.asin(MathUtils.clamp(-dot(direction, this.up), -1, 1)));
     const from = (forward: Vector) => center.map((c, i) => c - distance * forward[i]) as Vector;
     let best = { forward: direction, covered: Infinity };
-    for (const forward of [direction, ...STEEPER.filter((angle) => angle > down).map((angle) => lookDown(direction, this.up, angle))]) {
+    for (const forward of [
+      direction,
+      ...STEEPER.filter((angle) => angle > down).map((angle) => lookDown(direction, this.up, angle)),
+    ]) {
       this.look(from(forward), center);
       const covered = this.sample.covered(this.current(), distance - radius);
       if (covered < best.covered) best = { forward, covered };
@@ -242,10 +295,13 @@ export class Navigator {
 
   /** Turns to a point, which the camera moves around from then on. */
   turnTo(point: Vector): void {
-    const { position } = this.current(), from = this.target, start = performance.now();
+    const { position } = this.current();
+    const from = this.target;
+    const start = performance.now();
     const still = matchMedia('(prefers-reduced-motion: reduce)').matches;
     const step = () => {
-      const t = still ? 1 : Math.min(1, (performance.now() - start) / TURN), s = t * t * (3 - 2 * t);
+      const t = still ? 1 : Math.min(1, (performance.now() - start) / TURN);
+      const s = t * t * (3 - 2 * t);
       this.look(position, from.map((x, i) => x + s * (point[i] - x)) as Vector);
       if (t < 1) this.turning = requestAnimationFrame(step);
       this.events.changed();
@@ -261,7 +317,8 @@ export class Navigator {
   /** The point that is looked at. */
   get target(): Vector {
     if (this.movement === 'orbit') return vector(this.orbit.target);
-    const { forward, position } = cameraPose(this.camera), focus = this.focus();
+    const { forward, position } = cameraPose(this.camera);
+    const focus = this.focus();
     return position.map((p, i) => p + focus * forward[i]) as Vector;
   }
 

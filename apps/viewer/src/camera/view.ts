@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a picture is taken with: a pose and pinhole intrinsics. OpenCV axes as in gsapp: x right, y down, z forward; pixel centres at .5.
+// What a picture is taken with: a pose and pinhole intrinsics. OpenCV axes as in gsapp: x right, y down, z forward;
+// pixel centres at .5.
 
 import type { TestCamera } from '../format/ngsplat';
 import { dot, type Vector } from '../format/vector';
@@ -19,12 +20,20 @@ export function camFromWorld(view: View): { rotation: number[]; translation: Vec
 export function fitView(view: View, width: number, height: number): View {
   const s = Math.min(width / view.width, height / view.height);
   return {
-    ...view, width, height, fx: s * view.fx, fy: s * view.fy,
-    cx: s * view.cx + (width - s * view.width) / 2, cy: s * view.cy + (height - s * view.height) / 2,
+    ...view,
+    width,
+    height,
+    fx: s * view.fx,
+    fy: s * view.fy,
+    cx: s * view.cx + (width - s * view.width) / 2,
+    cy: s * view.cy + (height - s * view.height) / 2,
   };
 }
 
-/** The same pose and intrinsics in pixels on another size: cropped or extended at the right and the bottom, never scaled. */
+/**
+ * The same pose and intrinsics in pixels on another size: cropped or extended at the right and the bottom, never
+ * scaled.
+ */
 export function cropView(view: View, width: number, height: number): View {
   return { ...view, width, height };
 }

@@ -64,18 +64,35 @@ export class Comparison {
     this.changed();
   }
 
-  /** Draws both sides by the renderer of the first model. `pinned` is the test view that is shown exactly; `picture` says how a part of a model's picture is drawn. */
-  draw(renderer: Renderer, view: View, pinned: number | undefined, picture: (mode: Mode, scene: Scene) => Picture): void {
+  /**
+   * Draws both sides by the renderer of the first model. `pinned` is the test view that is shown exactly; `picture`
+   * says how a part of a model's picture is drawn.
+   */
+  draw(
+    renderer: Renderer,
+    view: View,
+    pinned: number | undefined,
+    picture: (mode: Mode, scene: Scene) => Picture,
+  ): void {
     if (this.renderer !== renderer) [this.renderer, this.secondRenderer] = [renderer, new Renderer(renderer)];
-    const middle = Math.round(this.panel.split * view.width), { left, right } = this.panel.sides;
+    const middle = Math.round(this.panel.split * view.width);
+    const { left, right } = this.panel.sides;
     this.drawSide(left, [0, middle], view, pinned, picture);
     this.drawSide(right, [middle, view.width], view, pinned, picture);
     this.panel.setLabels(this.label(left, pinned), this.label(right, pinned));
     this.panel.setHelp(this.memory(this.panel.sides));
   }
 
-  private drawSide(shown: Shown, [first, end]: [number, number], view: View, pinned: number | undefined, picture: (mode: Mode, scene: Scene) => Picture): void {
-    const scene = this.scene!, renderer = this.renderer!, { webgl } = renderer;
+  private drawSide(
+    shown: Shown,
+    [first, end]: [number, number],
+    view: View,
+    pinned: number | undefined,
+    picture: (mode: Mode, scene: Scene) => Picture,
+  ): void {
+    const scene = this.scene!;
+    const renderer = this.renderer!;
+    const { webgl } = renderer;
     this.prepare(shown, pinned);
     renderer.within(first, end, view.height, () => {
       if (this.obstacle(shown, pinned) !== undefined) {
@@ -91,7 +108,8 @@ export class Comparison {
   /** Begins to fetch what is to be shown. */
   private prepare(shown: Shown, pinned: number | undefined): void {
     const { site, scene } = this;
-    if (shown === 'other' && site?.other) this.second ??= new SecondModel(this.secondRenderer!, site.other.file, scene!.testCameras.length, this.changed);
+    if (shown === 'other' && site?.other)
+      this.second ??= new SecondModel(this.secondRenderer!, site.other.file, scene!.testCameras.length, this.changed);
     const path = shown === 'photograph' && pinned !== undefined ? site?.photographs?.[pinned] : undefined;
     if (path) this.photograph.show(path, scene!.testCameras[pinned!]);
   }
@@ -99,7 +117,8 @@ export class Comparison {
   /** Why this cannot be shown now; undefined where it can. */
   private obstacle(shown: Shown, pinned: number | undefined): string | undefined {
     if (isMode(shown)) return undefined;
-    if (shown === 'other') return this.second ? this.second.obstacle : 'There is one model here. gsapp export RUN RUN writes two.';
+    if (shown === 'other')
+      return this.second ? this.second.obstacle : 'There is one model here. gsapp export RUN RUN writes two.';
     if (!this.site?.photographs) return 'There are no photographs here. gsapp export --photographs writes them.';
     if (pinned === undefined) return 'Choose a test view: only these have photographs.';
     if (!this.site.photographs[pinned]) return 'The photograph of this test view was not exported.';
@@ -107,15 +126,23 @@ export class Comparison {
   }
 
   private label(shown: Shown, pinned: number | undefined): string {
-    const obstacle = this.obstacle(shown, pinned), { site } = this;
-    const name = isMode(shown) ? (site?.other ? `${site.name}: ${MODE_NAMES[shown].toLowerCase()}` : MODE_NAMES[shown])
-      : shown === 'photograph' ? 'Photograph' : (site?.other?.name ?? 'Other model');
+    const obstacle = this.obstacle(shown, pinned);
+    const { site } = this;
+    const name = isMode(shown)
+      ? site?.other
+        ? `${site.name}: ${MODE_NAMES[shown].toLowerCase()}`
+        : MODE_NAMES[shown]
+      : shown === 'photograph'
+        ? 'Photograph'
+        : (site?.other?.name ?? 'Other model');
     return obstacle === undefined ? name : `${name}. ${obstacle}`;
   }
 
   private memory({ left, right }: Sides): string {
     if (left !== 'other' && right !== 'other') return 'Drag the divider, or move it with the arrow keys.';
-    const both = this.second?.bytes ? `: ${megabytes(this.renderer!.bytes)} and ${megabytes(this.second.bytes)} on the graphics device` : '';
+    const both = this.second?.bytes
+      ? `: ${megabytes(this.renderer!.bytes)} and ${megabytes(this.second.bytes)} on the graphics device`
+      : '';
     return `Both models are in memory${both}.`;
   }
 }

@@ -24,7 +24,12 @@ export class SecondModel {
   obstacle: string | undefined = 'It is not loaded yet.';
 
   /** `renderer` has no scene yet. `changed` is called when there is something to draw, or to say. */
-  constructor(private readonly renderer: Renderer, private readonly file: string, numViews: number, private readonly changed: () => void) {
+  constructor(
+    private readonly renderer: Renderer,
+    private readonly file: string,
+    numViews: number,
+    private readonly changed: () => void,
+  ) {
     this.load(numViews).catch((error: Error) => {
       if (!this.transfer.signal.aborted) this.fail(error);
     });
@@ -33,13 +38,16 @@ export class SecondModel {
   private async load(numViews: number): Promise<void> {
     const { signal } = this.transfer;
     const source = await fetchSource(this.file, signal);
-    const reader = new SceneReader({
-      begin: (scene) => this.begin(scene, numViews),
-      rows: (plane, row, texels) => {
-        this.renderer.addRows(plane, row, texels);
-        if (plane.block < 0) this.loaded!.sorter?.add(texels);
+    const reader = new SceneReader(
+      {
+        begin: (scene) => this.begin(scene, numViews),
+        rows: (plane, row, texels) => {
+          this.renderer.addRows(plane, row, texels);
+          if (plane.block < 0) this.loaded!.sorter?.add(texels);
+        },
       },
-    }, source.size);
+      source.size,
+    );
     await readParts(source, (part) => {
       signal.throwIfAborted();
       reader.push(part);
@@ -55,13 +63,16 @@ export class SecondModel {
   }
 
   private begin(scene: Scene, numViews: number): void {
-    if (scene.testCameras.length !== numViews) throw new Error(`it has ${scene.testCameras.length} test views, the first model ${numViews}`);
+    if (scene.testCameras.length !== numViews)
+      throw new Error(`it has ${scene.testCameras.length} test views, the first model ${numViews}`);
     this.renderer.beginScene(scene);
     const apply = (order: Uint32Array, count: number) => {
       this.changed();
       return this.renderer.setOrder(order, count);
     };
-    const sorter = scene.count ? new SortClient(scene.count, apply, (message) => this.fail(new Error(message))) : undefined;
+    const sorter = scene.count
+      ? new SortClient(scene.count, apply, (message) => this.fail(new Error(message)))
+      : undefined;
     this.loaded = { scene, sorter };
   }
 
@@ -78,7 +89,9 @@ export class SecondModel {
 
   /** Draws it where there is no obstacle. `picture` says how. */
   draw(view: View, picture: (scene: Scene) => Picture): void {
-    const { scene, sorter } = this.loaded!, wanted = picture(scene), key = JSON.stringify([view, wanted.splats.size]);
+    const { scene, sorter } = this.loaded!;
+    const wanted = picture(scene);
+    const key = JSON.stringify([view, wanted.splats.size]);
     if (key !== this.sortedFor) void sorter?.sort(view, wanted.splats.size);
     this.sortedFor = key;
     try {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What lies beside scene.ngsplat in an exported site: site.json (docs/formats.md) names a second model and the photographs.
+// What lies beside scene.ngsplat in an exported site: site.json (docs/formats.md) names a second model and the
+// photographs.
 
 import { fetchSource, readAll } from '../format/load';
 import type { Level } from '../levels/levels';
@@ -44,10 +45,12 @@ function level(value: unknown): Level {
 
 function levelsOf(list: unknown): Level[] | undefined {
   if (list === undefined) return undefined;
-  if (!Array.isArray(list) || list.length < 1 || list.length > MOST_LEVELS) throw new Error('its levels are no list of some');
+  if (!Array.isArray(list) || list.length < 1 || list.length > MOST_LEVELS)
+    throw new Error('its levels are no list of some');
   const levels = list.map(level);
   if (levels[0].file !== FIRST_MODEL) throw new Error(`its first level is ${levels[0].file}, not ${FIRST_MODEL}`);
-  if (levels.some(({ count }, k) => k > 0 && count >= levels[k - 1].count)) throw new Error('its levels do not become coarser');
+  if (levels.some(({ count }, k) => k > 0 && count >= levels[k - 1].count))
+    throw new Error('its levels do not become coarser');
   return levels;
 }
 
@@ -59,18 +62,25 @@ export function parseSite(text: string, numViews: number): Site {
   } catch (error) {
     throw new Error(`it is not JSON: ${(error as Error).message}`);
   }
-  if (json?.version !== VERSION) throw new Error(`it is of version ${JSON.stringify(json?.version)}, this viewer reads ${VERSION}`);
-  if (!Array.isArray(json.models) || json.models.length < 1 || json.models.length > 2) throw new Error('it names neither one model nor two');
+  if (json?.version !== VERSION)
+    throw new Error(`it is of version ${JSON.stringify(json?.version)}, this viewer reads ${VERSION}`);
+  if (!Array.isArray(json.models) || json.models.length < 1 || json.models.length > 2)
+    throw new Error('it names neither one model nor two');
   const [first, other] = json.models.map(model);
   if (first.file !== FIRST_MODEL) throw new Error(`its first model is ${first.file}, not ${FIRST_MODEL}`);
   if (other?.file === FIRST_MODEL) throw new Error('its two models are the same');
-  const { photographs } = json, levels = levelsOf(json.levels);
+  const { photographs } = json;
+  const levels = levelsOf(json.levels);
   if (photographs === undefined) return { name: first.name, other, levels };
-  if (!Array.isArray(photographs) || photographs.length !== numViews) throw new Error(`it has no list of ${numViews} photographs, one for each test view`);
+  if (!Array.isArray(photographs) || photographs.length !== numViews)
+    throw new Error(`it has no list of ${numViews} photographs, one for each test view`);
   return {
-    name: first.name, other, levels,
+    name: first.name,
+    other,
+    levels,
     photographs: photographs.map((path: unknown) => {
-      if (path !== null && !isOwnPath(path, /\.(png|jpe?g)$/)) throw new Error(`${JSON.stringify(path)} is no picture of this site`);
+      if (path !== null && !isOwnPath(path, /\.(png|jpe?g)$/))
+        throw new Error(`${JSON.stringify(path)} is no picture of this site`);
       return path ?? undefined;
     }),
   };
@@ -78,7 +88,8 @@ export function parseSite(text: string, numViews: number): Site {
 
 /** Throws Error with a message for the user. */
 export async function fetchSite(numViews: number): Promise<Site> {
-  const source = await fetchSource(SITE_FILE, new AbortController().signal), text = new TextDecoder().decode(await readAll(source, () => undefined));
+  const source = await fetchSource(SITE_FILE, new AbortController().signal);
+  const text = new TextDecoder().decode(await readAll(source, () => undefined));
   if (text.length > LONGEST) throw new Error(`it has more than ${LONGEST} characters`);
   return parseSite(text, numViews);
 }

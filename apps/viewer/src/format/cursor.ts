@@ -5,12 +5,19 @@
 export class FormatError extends Error {}
 
 /** What to say of an error. Browsers have words of their own for an array that finds no memory. */
-export const messageOf = (error: unknown): string => (error instanceof RangeError ? 'The memory does not suffice for this file.' : (error as Error).message);
+export const messageOf = (error: unknown): string =>
+  error instanceof RangeError ? 'The memory does not suffice for this file.' : (error as Error).message;
 
 /** The bytes end too early. */
 export class Truncated extends FormatError {
   /** `end`: how many bytes there would have to be at least; there are `length`. */
-  constructor(what: string, bytes: number, at: number, readonly end: number, length: number) {
+  constructor(
+    what: string,
+    bytes: number,
+    at: number,
+    readonly end: number,
+    length: number,
+  ) {
     super(`the file is truncated: ${what} would take ${bytes} bytes at byte ${at}, but it ends after ${length - at}`);
   }
 }
@@ -22,17 +29,27 @@ export class Cursor {
   offset = 0;
 
   /**
-   * `buffer` holds little-endian numbers, of which arrays lie at multiples of their size, as .ngsplat has them. It begins at byte `start`
-   * of the file. What is read is copied.
+   * `buffer` holds little-endian numbers, of which arrays lie at multiples of their size, as .ngsplat has them. It
+   * begins at byte `start` of the file. What is read is copied.
    */
-  constructor(private readonly buffer: ArrayBuffer, private readonly start = 0) {}
+  constructor(
+    private readonly buffer: ArrayBuffer,
+    private readonly start = 0,
+  ) {}
 
   get rest(): number {
     return this.buffer.byteLength - this.offset;
   }
 
   require(bytes: number, what: string): void {
-    if (bytes > this.rest) throw new Truncated(what, bytes, this.start + this.offset, this.start + this.offset + bytes, this.start + this.buffer.byteLength);
+    if (bytes > this.rest)
+      throw new Truncated(
+        what,
+        bytes,
+        this.start + this.offset,
+        this.start + this.offset + bytes,
+        this.start + this.buffer.byteLength,
+      );
   }
 
   private take(bytes: number, what: string): number {
@@ -57,11 +74,14 @@ export class Cursor {
   halves(count: number, what: string): Uint16Array {
     return new Uint16Array(this.buffer, this.take(2 * count, what), count).slice();
   }
-  /** Throws where one is not finite, or so large that arithmetic on the GPU would lose it: nothing in a header may be. */
+  /**
+   * Throws where one is not finite, or so large that arithmetic on the GPU would lose it: nothing in a header may be.
+   */
   floats(count: number, what: string): Float32Array {
     const values = new Float32Array(this.buffer, this.take(4 * count, what), count).slice();
     const bad = values.find((value) => !(Math.abs(value) <= LARGEST_NUMBER));
-    if (bad !== undefined) throw new FormatError(`${what}: a value is ${bad}, not a finite number up to ${LARGEST_NUMBER}`);
+    if (bad !== undefined)
+      throw new FormatError(`${what}: a value is ${bad}, not a finite number up to ${LARGEST_NUMBER}`);
     return values;
   }
 }

@@ -56,9 +56,9 @@ export function evaluate(text: string, values: Values): number {
       return value;
     }
     const token = tokens[at] ?? '';
-    if (/^\d{1,15}$/.test(token)) return ++at, Number(token);
+    if (/^\d{1,15}$/.test(token)) return (++at, Number(token));
     if (!Object.hasOwn(values, token)) fail();
-    return ++at, values[token];
+    return (++at, values[token]);
   }
 
   const value = choice();

@@ -6,10 +6,16 @@ import type { ColorActivation } from './ngsplat';
 import type { Vector } from './vector';
 
 /**
- * Where the numbers of a row begin: mean, standard deviations, rotation w, x, y, z of any length, opacity from 0 to 1, base colour before
- * the activation, and coefficients of the spherical harmonics from degree 1 on, of which red, green and blue stand side by side.
+ * Where the numbers of a row begin: mean, standard deviations, rotation w, x, y, z of any length, opacity from 0 to 1,
+ * base colour before the activation, and coefficients of the spherical harmonics from degree 1 on, of which red, green
+ * and blue stand side by side.
  */
-export const MEAN = 0, SCALE = 3, ROTATION = 6, OPACITY = 10, BASE = 11, REST = 14;
+export const MEAN = 0;
+export const SCALE = 3;
+export const ROTATION = 6;
+export const OPACITY = 10;
+export const BASE = 11;
+export const REST = 14;
 
 /** The highest degree of spherical harmonics that the viewer draws. */
 export const MOST_DEGREE = 3;

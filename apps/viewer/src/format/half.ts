@@ -22,13 +22,15 @@ export function areFiniteHalves(words: Uint32Array): boolean {
   return true;
 }
 
-const float = new Float32Array(1), bits = new Uint32Array(float.buffer);
+const float = new Float32Array(1);
+const bits = new Uint32Array(float.buffer);
 const LARGEST_HALF = 65504;
 
 /** The 16 bits of the nearest value; beyond ±65504 those of that. */
 export function floatToHalf(value: number): number {
   float[0] = Math.min(Math.max(value, -LARGEST_HALF), LARGEST_HALF);
-  const sign = (bits[0] >>> 16) & 0x8000, size = Math.abs(float[0]);
+  const sign = (bits[0] >>> 16) & 0x8000;
+  const size = Math.abs(float[0]);
   if (size < 2 ** -14) return sign | Math.round(size * 2 ** 24); // subnormal: steps of 2^-24
   const magnitude = (bits[0] & 0x7fffffff) - ((127 - 15) << 23);
   return sign | ((magnitude + 0xfff + ((magnitude >>> 13) & 1)) >>> 13); // to the nearest, ties to even

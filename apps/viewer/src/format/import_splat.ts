@@ -10,10 +10,19 @@ const RECORD = 32;
 /** Throws FormatError where the length is not one of whole records. */
 export function readSplat(buffer: ArrayBuffer): GaussianSource {
   const { byteLength } = buffer;
-  if (byteLength % RECORD !== 0) throw new FormatError(`it has ${byteLength} bytes, which is no multiple of ${RECORD}: it is truncated, or no .splat file`);
-  const floats = new Float32Array(buffer), bytes = new Uint8Array(buffer);
+  if (byteLength % RECORD !== 0)
+    throw new FormatError(
+      `it has ${byteLength} bytes, which is no multiple of ${RECORD}: it is truncated, or no .splat file`,
+    );
+  const floats = new Float32Array(buffer);
+  const bytes = new Uint8Array(buffer);
   return {
-    count: byteLength / RECORD, degree: 0, up: [0, -1, 0], antialiased: false, colorActivation: ColorActivation.Relu, remarks: [],
+    count: byteLength / RECORD,
+    degree: 0,
+    up: [0, -1, 0],
+    antialiased: false,
+    colorActivation: ColorActivation.Relu,
+    remarks: [],
     read: (i, row) => {
       for (let k = 0; k < 3; ++k) {
         row[MEAN + k] = floats[8 * i + k];

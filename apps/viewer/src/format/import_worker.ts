@@ -12,10 +12,13 @@ export interface ImportRequest {
 export type ImportResult = Imported | { error: string; isFormatError: boolean };
 
 self.onmessage = async ({ data: { name, buffer } }: MessageEvent<ImportRequest>) => {
-  let result: ImportResult, transfer: Transferable[] = [];
+  let result: ImportResult;
+  let transfer: Transferable[] = [];
   try {
     result = await importScene(name, buffer);
-    transfer = [result.scene.geometry, ...result.scene.payload.map(({ data }) => data)].map(({ buffer: bytes }) => bytes as ArrayBuffer);
+    transfer = [result.scene.geometry, ...result.scene.payload.map(({ data }) => data)].map(
+      ({ buffer: bytes }) => bytes as ArrayBuffer,
+    );
   } catch (error) {
     result = { error: messageOf(error), isFormatError: error instanceof FormatError };
   }

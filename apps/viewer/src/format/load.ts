@@ -38,17 +38,24 @@ export async function fetchSource(url: string, signal: AbortSignal): Promise<Sou
     response = await fetch(url, { signal });
   } catch (error) {
     if (signal.aborted) throw error;
-    throw new Error(`${name} cannot be fetched. Another site must allow this with CORS headers; from a folder on disk, start a web server (gsapp view does).`);
+    throw new Error(
+      `${name} cannot be fetched. Another site must allow this with CORS headers; from a folder on disk, start a web server (gsapp view does).`,
+    );
   }
-  if (!response.ok || !response.body) throw new Error(`${name} cannot be fetched: the server answers ${response.status} ${response.statusText}`);
+  if (!response.ok || !response.body)
+    throw new Error(`${name} cannot be fetched: the server answers ${response.status} ${response.statusText}`);
   // Compressed on the way, the length is another one.
   const length = response.headers.has('content-encoding') ? NaN : Number(response.headers.get('content-length') ?? NaN);
   const size = Number.isSafeInteger(length) && length >= 0 ? length : undefined;
   return { name, size, parts: resumed(url, response, size, signal) };
 }
 
-/** Longest stretch of work in milliseconds before the page may do something else, and the bytes that are worked on at once. */
-const LONGEST_WORK = 16, PART = 1 << 20;
+/**
+ * Longest stretch of work in milliseconds before the page may do something else, and the bytes that are worked on at
+ * once.
+ */
+const LONGEST_WORK = 16;
+const PART = 1 << 20;
 
 /** Resolves as soon as the page has done what waits; not only after a while, as timers do in a tab behind others. */
 function pause(): Promise<void> {
@@ -94,7 +101,8 @@ export async function readParts(source: Source, take: (part: Uint8Array) => void
 
 /** The bytes that tell formats apart, and a source of all of them. */
 export async function peekHead(source: Source): Promise<{ head: ArrayBuffer; source: Source }> {
-  const { parts } = source, read: Uint8Array[] = [];
+  const { parts } = source;
+  const read: Uint8Array[] = [];
   let head = new Uint8Array();
   while (head.length < HEAD) {
     const part = await parts.read();
@@ -118,7 +126,8 @@ export async function readAll(source: Source, progress: (bytes: number) => void)
       throw new FormatError(`this browser cannot give ${size} bytes of memory for the file`);
     }
   };
-  let bytes = allocate(source.size ?? 1 << 20), length = 0;
+  let bytes = allocate(source.size ?? 1 << 20);
+  let length = 0;
   await readParts(source, (part) => {
     if (length + part.length > bytes.length) {
       const larger = allocate(Math.max(2 * bytes.length, length + part.length));

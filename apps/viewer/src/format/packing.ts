@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What appearance/<folder>/packing.json says of a model, and the sizes that follow from it for one file (docs/formats.md).
+// What appearance/<folder>/packing.json says of a model, and the sizes that follow from it for one file
+// (docs/formats.md).
 
 import { FormatError } from './cursor';
 import { evaluate, type Values } from './expression';
@@ -40,7 +41,9 @@ export interface PackedLayout {
 }
 
 /** Most textures of one kind, half-precision numbers of one Gaussian, and numbers that all share. */
-const MOST_TEXTURES = 16, MOST_HALVES = 64, MOST_WEIGHTS = 1 << 24;
+const MOST_TEXTURES = 16;
+const MOST_HALVES = 64;
+const MOST_WEIGHTS = 1 << 24;
 const HALVES_PER_TEXEL = 8;
 
 /** Throws FormatError saying which field of the header, or which size, cannot be. */
@@ -52,7 +55,10 @@ export function packedLayout(packing: PackingDescription, fields: Values): Packe
   }
   const size = (expression: string, most: number): number => {
     const value = evaluate(expression, values);
-    if (!(Number.isInteger(value) && value >= 0 && value <= most)) throw new FormatError(`the header asks for ${value} as '${expression}', which is not a whole number up to ${most}`);
+    if (!(Number.isInteger(value) && value >= 0 && value <= most))
+      throw new FormatError(
+        `the header asks for ${value} as '${expression}', which is not a whole number up to ${most}`,
+      );
     return value;
   };
   const textures: TextureShape[] = [];
@@ -64,6 +70,13 @@ export function packedLayout(packing: PackingDescription, fields: Values): Packe
   for (const { words, count } of packing.textures ?? []) add(words, size(count, MOST_TEXTURES));
   const halfLayers = Math.ceil(size(packing.halves ?? '0', MOST_HALVES) / HALVES_PER_TEXEL);
   add(4, halfLayers);
-  const constants = Object.entries(packing.constants ?? {}).map(([name, expression]) => [name, evaluate(expression, values)] as const);
-  return { textures, halfLayers, weightHalves: size(packing.weightHalves ?? '0', MOST_WEIGHTS), constants: Object.fromEntries(constants) };
+  const constants = Object.entries(packing.constants ?? {}).map(
+    ([name, expression]) => [name, evaluate(expression, values)] as const,
+  );
+  return {
+    textures,
+    halfLayers,
+    weightHalves: size(packing.weightHalves ?? '0', MOST_WEIGHTS),
+    constants: Object.fromEntries(constants),
+  };
 }

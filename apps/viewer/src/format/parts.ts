@@ -12,8 +12,8 @@ export interface Parts {
 }
 
 /**
- * The readers whose read has not ended. Without this set, a read and its stream know only each other, and Chromium (seen in 156) collects both as
- * garbage where the bytes are those of a file, so that the read never ends.
+ * The readers whose read has not ended. Without this set, a read and its stream know only each other, and Chromium
+ * (seen in 156) collects both as garbage where the bytes are those of a file, so that the read never ends.
  */
 const awaited = new Set<ReadableStreamBYOBReader>();
 
@@ -25,7 +25,9 @@ class Refilled implements Parts {
 
   async read(): Promise<Uint8Array | undefined> {
     awaited.add(this.reader);
-    const { done, value } = await this.reader.read(new Uint8Array(this.memory)).finally(() => awaited.delete(this.reader));
+    const { done, value } = await this.reader
+      .read(new Uint8Array(this.memory))
+      .finally(() => awaited.delete(this.reader));
     if (value) this.memory = value.buffer; // the one that was passed is nobody's any more
     return done ? undefined : value;
   }
@@ -40,7 +42,8 @@ export function partsOf(stream: ReadableStream<Uint8Array>): Parts {
   let reader: ReadableStreamBYOBReader;
   try {
     reader = stream.getReader({ mode: 'byob' });
-  } catch { // the browser does not know it, or not for this stream
+  } catch {
+    // the browser does not know it, or not for this stream
     const other = stream.getReader();
     return { read: async () => (await other.read()).value, cancel: () => other.cancel() };
   }

@@ -42,10 +42,12 @@ export interface PlyHeader {
 }
 
 /** No file that means something has a longer header, or more elements or properties. */
-const MOST_BYTES = 1 << 20, MOST_ENTRIES = 4096;
+const MOST_BYTES = 1 << 20;
+const MOST_ENTRIES = 4096;
 const END = 'end_header';
 
-const misplaced = (line: string, expected: string): FormatError => new FormatError(`its header has a line '${line.slice(0, 80)}', which is no ${expected}`);
+const misplaced = (line: string, expected: string): FormatError =>
+  new FormatError(`its header has a line '${line.slice(0, 80)}', which is no ${expected}`);
 
 /** Throws FormatError where the header is none, or is of a kind that the viewer does not read. */
 export function readPlyHeader(buffer: ArrayBuffer): PlyHeader {
@@ -53,9 +55,11 @@ export function readPlyHeader(buffer: ArrayBuffer): PlyHeader {
   const end = /^end_header(\r?\n|\r(?!\n))/m.exec(text);
   if (!end) throw new FormatError(`its header has no line ${END}: the file is truncated, or no .ply`);
   const header: PlyHeader = { littleEndian: true, comments: [], elements: [], bytes: end.index + end[0].length };
-  let format = '', entries = 0;
+  let format = '';
+  let entries = 0;
   for (const line of text.slice(0, end.index).split(/\r\n|\r|\n/)) {
-    const [keyword, ...words] = line.trim().split(/\s+/), element = header.elements.at(-1);
+    const [keyword, ...words] = line.trim().split(/\s+/);
+    const element = header.elements.at(-1);
     if (keyword === 'format') format = words[0] ?? '';
     else if (keyword === 'comment') header.comments.push(words.join(' '));
     else if (keyword === 'element') {
@@ -63,10 +67,12 @@ export function readPlyHeader(buffer: ArrayBuffer): PlyHeader {
       if (name === undefined || !/^\d{1,15}$/.test(count ?? '')) throw misplaced(line, 'element with a count');
       header.elements.push({ name, count: Number(count), stride: 0, hasLists: false, properties: new Map() });
     } else if (keyword === 'property') {
-      const [type, name] = words, known = Object.hasOwn(TYPES, type ?? '') ? TYPES[type] : undefined;
+      const [type, name] = words;
+      const known = Object.hasOwn(TYPES, type ?? '') ? TYPES[type] : undefined;
       if (!element || words.length < 2 || (!known && type !== 'list')) throw misplaced(line, 'property of an element');
       if (!known) element.hasLists = true;
-      else if (element.properties.has(name)) throw new FormatError(`its header has the property ${name.slice(0, 80)} twice`);
+      else if (element.properties.has(name))
+        throw new FormatError(`its header has the property ${name.slice(0, 80)} twice`);
       else {
         element.properties.set(name, { type, offset: element.stride, read: known.read });
         element.stride += known.bytes;
@@ -74,8 +80,12 @@ export function readPlyHeader(buffer: ArrayBuffer): PlyHeader {
     } else continue; // 'ply', obj_info, empty lines
     if (++entries > MOST_ENTRIES) throw new FormatError(`its header has more than ${MOST_ENTRIES} lines`);
   }
-  if (format === 'ascii') throw new FormatError('its numbers are text (format ascii); the viewer reads binary .ply files, as which most programs can save it');
-  if (format !== 'binary_little_endian' && format !== 'binary_big_endian') throw new FormatError(`its format '${format.slice(0, 80)}' is unknown`);
+  if (format === 'ascii')
+    throw new FormatError(
+      'its numbers are text (format ascii); the viewer reads binary .ply files, as which most programs can save it',
+    );
+  if (format !== 'binary_little_endian' && format !== 'binary_big_endian')
+    throw new FormatError(`its format '${format.slice(0, 80)}' is unknown`);
   header.littleEndian = format === 'binary_little_endian';
   return header;
 }

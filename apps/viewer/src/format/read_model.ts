@@ -14,16 +14,26 @@ export interface ModelRead {
 }
 
 export interface ReadOptions {
-  /** The sink gets nothing before the file is known to be good as a whole. Files of other programs are always read so. */
+  /**
+   * The sink gets nothing before the file is known to be good as a whole. Files of other programs are always read so.
+   */
   whole: boolean;
   /** Bytes so far, and of all as far as known. */
   progress: (bytes: number, size?: number) => void;
   signal: AbortSignal;
 }
 
-/** Hands what the file has to `sink`: while it arrives, or all at its end. Throws FormatError, which says what is wrong, and what `signal` is aborted with. */
-export async function readModel(file: Source, sink: SceneSink, { whole, progress, signal }: ReadOptions): Promise<ModelRead> {
-  const { head, source } = await peekHead(file), { name, size } = source;
+/**
+ * Hands what the file has to `sink`: while it arrives, or all at its end. Throws FormatError, which says what is wrong,
+ * and what `signal` is aborted with.
+ */
+export async function readModel(
+  file: Source,
+  sink: SceneSink,
+  { whole, progress, signal }: ReadOptions,
+): Promise<ModelRead> {
+  const { head, source } = await peekHead(file);
+  const { name, size } = source;
   signal.throwIfAborted();
   const handOn = async (scene: Parameters<SceneSink['begin']>[0]) => {
     signal.throwIfAborted();
@@ -39,7 +49,8 @@ export async function readModel(file: Source, sink: SceneSink, { whole, progress
       signal.throwIfAborted();
       progress(bytes, size);
     });
-    const { byteLength } = buffer, { scene, remarks } = await convertScene(name, buffer, signal); // takes the bytes
+    const { byteLength } = buffer;
+    const { scene, remarks } = await convertScene(name, buffer, signal); // takes the bytes
     await handOn(scene);
     return { bytes: byteLength, remarks };
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads an .ngsplat file from parts as they arrive. No more of it is kept than the header and the part of a texture that is being filled:
-// texels are checked and handed on, and the checksum is computed on the way.
+// Reads an .ngsplat file from parts as they arrive. No more of it is kept than the header and the part of a texture
+// that is being filled: texels are checked and handed on, and the checksum is computed on the way.
 
 import { crc32 } from './crc32';
 import { Cursor, FormatError, Truncated } from './cursor';
@@ -28,17 +28,38 @@ export interface Plane {
 
 /** Takes what a file has, in its order. */
 export interface SceneSink {
-  /** The header is read; the scene has no texels, and appearance, background and what else the trailer has are not known yet. */
+  /**
+   * The header is read; the scene has no texels, and appearance, background and what else the trailer has are not known
+   * yet.
+   */
   begin(scene: Scene): void;
-  /** Whole rows of a texture from `row` on, those of the geometry as soon as they are there. `texels` may be overwritten after the call. */
+  /**
+   * Whole rows of a texture from `row` on, those of the geometry as soon as they are there. `texels` may be overwritten
+   * after the call.
+   */
   rows(plane: Plane, row: number, texels: Uint32Array): void;
 }
 
 /** The textures of a file, in its order. */
 export function planesOf(scene: Scene): Plane[] {
-  const geometry: Plane = { block: -1, layer: 0, words: 4, rows: scene.textureHeight, count: scene.count, hasHalves: false };
-  const payload = scene.payload.flatMap(({ words, layers, halfLayers }, block) => Array.from({ length: layers }, (_, layer): Plane => (
-    { block, layer, words, rows: scene.payloadHeight, count: scene.numResiduals, hasHalves: layer >= layers - halfLayers })));
+  const geometry: Plane = {
+    block: -1,
+    layer: 0,
+    words: 4,
+    rows: scene.textureHeight,
+    count: scene.count,
+    hasHalves: false,
+  };
+  const payload = scene.payload.flatMap(({ words, layers, halfLayers }, block) =>
+    Array.from({ length: layers }, (_, layer): Plane => ({
+      block,
+      layer,
+      words,
+      rows: scene.payloadHeight,
+      count: scene.numResiduals,
+      hasHalves: layer >= layers - halfLayers,
+    })),
+  );
   return [geometry, ...payload].filter((plane) => plane.rows > 0);
 }
 
@@ -51,8 +72,10 @@ function check(plane: Plane, first: number, texels: Uint32Array): void {
     if (!areFiniteHalves(texels)) throw new FormatError('the appearance of a Gaussian is not finite');
   } else if (plane.block < 0) {
     for (let i = 0; i < texels.length; i += 4) {
-      const xy = texels[i + 1], z = texels[i + 2];
-      if (!(isFiniteHalf(xy) && isFiniteHalf(xy >>> 16) && isFiniteHalf(z))) throw new FormatError(`the mean of Gaussian ${first + i / 4} is not finite`);
+      const xy = texels[i + 1];
+      const z = texels[i + 2];
+      if (!(isFiniteHalf(xy) && isFiniteHalf(xy >>> 16) && isFiniteHalf(z)))
+        throw new FormatError(`the mean of Gaussian ${first + i / 4} is not finite`);
     }
   }
 }
@@ -96,7 +119,10 @@ export class SceneReader {
   private readonly trailer = new Buffer();
 
   /** `size` is that of the whole file, as far as it is known. */
-  constructor(private readonly sink: SceneSink, private readonly size?: number) {}
+  constructor(
+    private readonly sink: SceneSink,
+    private readonly size?: number,
+  ) {}
 
   /** The next bytes of the file. Throws FormatError, which says what is wrong. */
   push(part: Uint8Array): void {
@@ -109,12 +135,14 @@ export class SceneReader {
     while (part.length > 0 && this.planes.length > 0) part = part.subarray(this.fill(part));
     if (this.planes[0]?.block === -1) this.flush(); // so that it can be shown
     if (part.length > 0) this.trailer.append(part);
-    if (this.trailer.bytes.length > MOST_TRAILER) throw new FormatError(`more than ${MOST_TRAILER} bytes follow the last texture`);
+    if (this.trailer.bytes.length > MOST_TRAILER)
+      throw new FormatError(`more than ${MOST_TRAILER} bytes follow the last texture`);
   }
 
   /** Returns what is behind the header; nothing while that has not arrived. */
   private takeHeader(): Uint8Array {
-    const { bytes } = this.header!, c = new Cursor(bytes.slice().buffer);
+    const { bytes } = this.header!;
+    const c = new Cursor(bytes.slice().buffer);
     let scene: Scene;
     try {
       scene = readHeader(c);
@@ -139,7 +167,8 @@ export class SceneReader {
   /** Throws Truncated naming the texture in which a file of `length` bytes ends. */
   private failAtTexels(at: number, length: number): never {
     for (const plane of planesOf(this.scene ?? readHeader(new Cursor(this.header!.bytes.slice().buffer)))) {
-      const bytes = planeBytes(plane), what = plane.block < 0 ? `geometry of ${plane.count} Gaussians` : `appearance of ${plane.count} Gaussians`;
+      const bytes = planeBytes(plane);
+      const what = plane.block < 0 ? `geometry of ${plane.count} Gaussians` : `appearance of ${plane.count} Gaussians`;
       if (at + bytes > length) throw new Truncated(what, bytes, at, at + bytes, length);
       at += bytes;
     }
@@ -148,7 +177,8 @@ export class SceneReader {
 
   /** Copies what fits of the current slab, hands it on where it is full, and returns how many bytes it took. */
   private fill(part: Uint8Array): number {
-    const plane = this.planes[0], rowBytes = 4 * plane.words * TEXTURE_WIDTH;
+    const plane = this.planes[0];
+    const rowBytes = 4 * plane.words * TEXTURE_WIDTH;
     const slabEnd = rowBytes * Math.min(rowsOfSlab(plane), plane.rows - this.row);
     const taken = Math.min(part.length, slabEnd - this.filled);
     this.slabBytes.set(part.subarray(0, taken), this.filled);
@@ -159,9 +189,12 @@ export class SceneReader {
 
   /** Hands on all rows that are complete, though the slab may not be full. */
   private flush(): void {
-    const plane = this.planes[0], rowWords = plane.words * TEXTURE_WIDTH, rows = Math.floor(this.filled / (4 * rowWords));
+    const plane = this.planes[0];
+    const rowWords = plane.words * TEXTURE_WIDTH;
+    const rows = Math.floor(this.filled / (4 * rowWords));
     if (rows === 0) return;
-    const texels = this.slab.subarray(0, rows * rowWords), first = TEXTURE_WIDTH * this.row;
+    const texels = this.slab.subarray(0, rows * rowWords);
+    const first = TEXTURE_WIDTH * this.row;
     this.checksum = crc32(this.slabBytes.subarray(0, texels.byteLength), this.checksum);
     check(plane, first, texels.subarray(0, plane.words * Math.min(rows * TEXTURE_WIDTH, plane.count - first)));
     this.sink.rows(plane, this.row, texels);
@@ -174,14 +207,18 @@ export class SceneReader {
     }
   }
 
-  /** No more bytes come. Returns the scene, which now has what the trailer says. Throws FormatError where they end too early or too late. */
+  /**
+   * No more bytes come. Returns the scene, which now has what the trailer says. Throws FormatError where they end too
+   * early or too late.
+   */
   finish(): Scene {
     if (this.header) {
       readHeader(new Cursor(this.header.bytes.slice().buffer)); // throws
       throw new FormatError('the file is truncated');
     }
     const scene = this.scene!;
-    if (this.planes.length > 0) this.failAtTexels(this.end! - planesOf(scene).reduce((sum, plane) => sum + planeBytes(plane), 0), this.bytes);
+    if (this.planes.length > 0)
+      this.failAtTexels(this.end! - planesOf(scene).reduce((sum, plane) => sum + planeBytes(plane), 0), this.bytes);
     return Object.assign(scene, readTrailer(this.trailer.bytes, this.end!, this.checksum));
   }
 }
@@ -201,21 +238,28 @@ export class SceneCollector implements SceneSink {
   begin(scene: Scene): void {
     this.scene = scene;
     scene.geometry = allocate(4 * TEXTURE_WIDTH * scene.textureHeight);
-    for (const block of scene.payload) block.data = allocate(block.words * block.layers * TEXTURE_WIDTH * scene.payloadHeight);
+    for (const block of scene.payload)
+      block.data = allocate(block.words * block.layers * TEXTURE_WIDTH * scene.payloadHeight);
   }
 
   rows(plane: Plane, row: number, texels: Uint32Array): void {
-    const { scene } = this, data = plane.block < 0 ? scene.geometry : scene.payload[plane.block].data;
+    const { scene } = this;
+    const data = plane.block < 0 ? scene.geometry : scene.payload[plane.block].data;
     data.set(texels, plane.words * TEXTURE_WIDTH * (plane.layer * plane.rows + row));
   }
 }
 
-/** The texels of a scene that has them, in parts as a file brings them. Those of a texture are let go of behind its last part. */
+/**
+ * The texels of a scene that has them, in parts as a file brings them. Those of a texture are let go of behind its last
+ * part.
+ */
 export function* texelsOf(scene: Scene): Generator<[plane: Plane, row: number, texels: Uint32Array]> {
   for (const plane of planesOf(scene)) {
-    const holder = plane.block < 0 ? undefined : scene.payload[plane.block], rowWords = plane.words * TEXTURE_WIDTH;
+    const holder = plane.block < 0 ? undefined : scene.payload[plane.block];
+    const rowWords = plane.words * TEXTURE_WIDTH;
     for (let row = 0; row < plane.rows; row += rowsOfSlab(plane)) {
-      const at = rowWords * (plane.layer * plane.rows + row), rows = Math.min(rowsOfSlab(plane), plane.rows - row);
+      const at = rowWords * (plane.layer * plane.rows + row);
+      const rows = Math.min(rowsOfSlab(plane), plane.rows - row);
       yield [plane, row, (holder?.data ?? scene.geometry).subarray(at, at + rows * rowWords)];
     }
     if (!holder) scene.geometry = new Uint32Array();

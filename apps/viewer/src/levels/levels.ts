@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which level of a model is shown: what the user chose, else the finest that fits into the device's memory and is drawn fast enough.
+// Which level of a model is shown: what the user chose, else the finest that fits into the device's memory and is drawn
+// fast enough.
 
 import { DetailPanel } from '../ui/detail_panel';
 import { memoryHere, memoryOf } from './memory';
@@ -27,14 +28,22 @@ export class Levels {
   /** The finest that is shown unasked, for memory and for speed. */
   private fits = 0;
   private fast = 0;
-  /** The bytes of the smallest level that the device could not hold. It is not shown again unasked while the page lives. */
+  /**
+   * The bytes of the smallest level that the device could not hold. It is not shown again unasked while the page lives.
+   */
   private tooLarge = Infinity;
   private isBusy = false;
   private pace = new Pace();
   private readonly panel: DetailPanel;
 
-  /** `show` shows another file of the model; it returns false where that cannot be now. `choose` is called with what the user chose. */
-  constructor(private readonly show: (file: string) => Promise<boolean>, choose: (level: number | undefined) => void) {
+  /**
+   * `show` shows another file of the model; it returns false where that cannot be now. `choose` is called with what the
+   * user chose.
+   */
+  constructor(
+    private readonly show: (file: string) => Promise<boolean>,
+    choose: (level: number | undefined) => void,
+  ) {
     this.panel = new DetailPanel(choose);
   }
 
@@ -64,7 +73,10 @@ export class Levels {
     if (levels.length < 2) return;
     this.all = levels;
     this.pace = new Pace();
-    this.shown = Math.max(0, levels.findIndex((level) => level.file === file));
+    this.shown = Math.max(
+      0,
+      levels.findIndex((level) => level.file === file),
+    );
     this.fits = this.finestHere(levels);
     this.chosen = this.known(levels, chosen);
     this.fast = this.chosen === undefined ? this.shown : this.fits; // if this is coarser, there was a reason
@@ -94,7 +106,10 @@ export class Levels {
     void this.update();
   }
 
-  /** The file of the next coarser level, for a device that lost its memory; undefined where there is none, or the user chose. */
+  /**
+   * The file of the next coarser level, for a device that lost its memory; undefined where there is none, or the user
+   * chose.
+   */
   smallerAfterLoss(): string | undefined {
     if (this.chosen !== undefined || this.all.length <= this.shown + 1) return undefined;
     this.refuse(this.all[this.shown].bytes);
@@ -105,7 +120,7 @@ export class Levels {
   private async update(): Promise<void> {
     const { all } = this;
     if (this.isBusy) return; // it looks again at its end
-    for (this.isBusy = true; all === this.all; ) {
+    for (this.isBusy = true; all === this.all;) {
       const wanted = this.chosen ?? Math.max(this.fits, this.fast);
       if (wanted === this.shown) {
         this.panel.say(this.reason(wanted));
@@ -127,7 +142,14 @@ export class Levels {
   }
 
   private reason(level: number): string {
-    const why = this.chosen !== undefined ? 'as you chose' : level === 0 ? 'all of them' : level > this.fits ? 'since finer ones were too slow or too large' : 'since this device has little memory';
+    const why =
+      this.chosen !== undefined
+        ? 'as you chose'
+        : level === 0
+          ? 'all of them'
+          : level > this.fits
+            ? 'since finer ones were too slow or too large'
+            : 'since this device has little memory';
     const { count, psnr } = this.all[level];
     return `${count.toLocaleString('en')} Gaussians, ${why}${psnr === undefined ? '' : `: ${psnr.toFixed(2)} dB on the test views`}.`;
   }

@@ -2,7 +2,9 @@
 // What a model takes in memory, and what this device may give it.
 
 const GIB = 2 ** 30;
-/** Bytes of a Gaussian beside its texels: its colour in half floats, its place in the order, and what the sorter keeps. */
+/**
+ * Bytes of a Gaussian beside its texels: its colour in half floats, its place in the order, and what the sorter keeps.
+ */
 const BESIDE = 8 + 4 + 26;
 /** Browsers say at most this of larger memories. */
 const PLENTY = 8;
@@ -18,5 +20,7 @@ export const memoryOf = (bytes: number, count: number): number => bytes + BESIDE
 export function memoryHere(): number {
   const { deviceMemory } = navigator as { deviceMemory?: number }; // GiB, rounded
   if (deviceMemory !== undefined) return deviceMemory < PLENTY ? SHARE * deviceMemory * GIB : Infinity;
-  return matchMedia('(pointer: coarse)').matches && !matchMedia('(any-pointer: fine)').matches ? UNKNOWN_PHONE : Infinity;
+  return matchMedia('(pointer: coarse)').matches && !matchMedia('(any-pointer: fine)').matches
+    ? UNKNOWN_PHONE
+    : Infinity;
 }

@@ -2,9 +2,13 @@
 // From how long frames take: whether a coarser level is needed, or there is room for a finer one.
 
 /** Milliseconds of a frame: longer is slow, shorter is fast. In between everything stays as it is. */
-const SLOW = 50, FAST = 25;
-/** Milliseconds of slow frames, each of which counts as so many at most: a tab in the background draws none for hours. */
-const PATIENCE = 2000, MOST = 500;
+const SLOW = 50;
+const FAST = 25;
+/**
+ * Milliseconds of slow frames, each of which counts as so many at most: a tab in the background draws none for hours.
+ */
+const PATIENCE = 2000;
+const MOST = 500;
 /** Fast frames in a row. Each coarser level doubles them, so that the page does not go back and forth. */
 const FAST_FRAMES = 300;
 
@@ -13,7 +17,10 @@ export class Pace {
   private fast = 0;
   private needed = FAST_FRAMES;
 
-  /** A frame that was asked for has been drawn, so many milliseconds later. Returns what to show from now on, where that is something else. */
+  /**
+   * A frame that was asked for has been drawn, so many milliseconds later. Returns what to show from now on, where that
+   * is something else.
+   */
   frame(milliseconds: number): 'coarser' | 'finer' | undefined {
     const isSlow = milliseconds > SLOW;
     this.slow = Math.max(0, this.slow + (isSlow ? Math.min(milliseconds, MOST) : -milliseconds));

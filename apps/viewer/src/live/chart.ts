@@ -3,14 +3,20 @@
 
 import type { Curve } from './status';
 
-const WIDTH = 100, HEIGHT = 30;
+const WIDTH = 100;
+const HEIGHT = 30;
 
-/** Points of a polyline in WIDTH x HEIGHT, from the first iteration to the last and from the least value to the largest. */
+/**
+ * Points of a polyline in WIDTH x HEIGHT, from the first iteration to the last and from the least value to the largest.
+ */
 export function polyline(curve: Curve): string {
   const known = curve.values.flatMap((value, i) => (value === null ? [] : [[curve.iterations[i], value] as const]));
   if (known.length < 2) return '';
-  const values = known.map(([, value]) => value), low = Math.min(...values), high = Math.max(...values);
-  const [first] = known[0], [last] = known[known.length - 1];
+  const values = known.map(([, value]) => value);
+  const low = Math.min(...values);
+  const high = Math.max(...values);
+  const [first] = known[0];
+  const [last] = known[known.length - 1];
   const x = (iteration: number) => (WIDTH * (iteration - first)) / Math.max(last - first, 1);
   const y = (value: number) => (high > low ? HEIGHT - (HEIGHT * (value - low)) / (high - low) : HEIGHT / 2);
   return known.map(([iteration, value]) => `${x(iteration).toFixed(2)},${y(value).toFixed(2)}`).join(' ');

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page of a model that is training or was just opened: asks gsapp every second while somebody looks, and shows each new snapshot.
+// The page of a model that is training or was just opened: asks gsapp every second while somebody looks, and shows each
+// new snapshot.
 
 import type { App } from '../app';
 import { fetchSource } from '../format/load';
@@ -11,7 +12,8 @@ const TOKEN_KEY = 'gsapp-token';
 
 /** The token of the printed address moves to where copies of the address do not carry it. */
 function takeToken(): string {
-  const query = new URLSearchParams(location.search), token = query.get('token');
+  const query = new URLSearchParams(location.search);
+  const token = query.get('token');
   if (token !== null) {
     query.delete('token');
     history.replaceState(history.state, '', `?${query.toString().replace(/=(?=&|$)/g, '')}${location.hash}`);
@@ -49,7 +51,11 @@ export class Live {
     try {
       const taken = await sendControl(control, this.token);
       if (!taken) this.token = ''; // of a program that has ended
-      this.panel.say(taken ? '' : 'Only the page whose address gsapp printed may do this; a program that was started anew prints another.');
+      this.panel.say(
+        taken
+          ? ''
+          : 'Only the page whose address gsapp printed may do this; a program that was started anew prints another.',
+      );
     } catch {
       this.panel.say('gsapp did not answer.');
     }
@@ -76,7 +82,11 @@ export class Live {
       const source = await fetchSource(model.url, new AbortController().signal);
       if (!(await this.app.loader.refresh({ ...source, name: scene }, isSame))) return;
       if (!isSame || photographs !== this.photographs)
-        this.app.setSite({ name: scene, photographs: photographs > 0 ? Array.from({ length: photographs }, (_, k) => `live/photograph/${k}.jpg`) : undefined });
+        this.app.setSite({
+          name: scene,
+          photographs:
+            photographs > 0 ? Array.from({ length: photographs }, (_, k) => `live/photograph/${k}.jpg`) : undefined,
+        });
       [this.id, this.version, this.photographs] = [id, model.version, photographs];
       this.panel.showPicture(id, model.iteration);
     } catch {

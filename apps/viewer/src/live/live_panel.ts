@@ -13,12 +13,15 @@ const count = (n: number): string => n.toLocaleString('en');
 export function duration(seconds: number): string {
   const s = Math.round(seconds);
   if (s < 60) return `${s} s`;
-  return s < 3600 ? `${Math.floor(s / 60)} min ${s % 60} s` : `${Math.floor(s / 3600)} h ${Math.floor((s % 3600) / 60)} min`;
+  return s < 3600
+    ? `${Math.floor(s / 60)} min ${s % 60} s`
+    : `${Math.floor(s / 3600)} h ${Math.floor((s % 3600) / 60)} min`;
 }
 
 /** One sentence on where the training is. */
 export function stateText(status: Status): string {
-  const { state, iteration, iterations, message } = status, of = iterations ? `${count(iteration)} of ${count(iterations)}` : count(iteration);
+  const { state, iteration, iterations, message } = status;
+  const of = iterations ? `${count(iteration)} of ${count(iterations)}` : count(iteration);
   const left = status.eta_seconds === undefined ? '' : `, ${duration(status.eta_seconds)} left`;
   const texts: Record<Status['state'], string> = {
     starting: 'Training begins.',
@@ -35,22 +38,38 @@ export function stateText(status: Status): string {
 /** Returns the message for a gsapp that stopped answering so many seconds after it said `status`. */
 export function lostText(status: Status | undefined, seconds: number): string {
   if (!status) return 'gsapp does not answer any more.';
-  const isOver = ['finished', 'stopped', 'failed'].includes(status.state), isDue = status.state === 'training' && seconds >= (status.eta_seconds ?? Infinity);
-  const what = isOver ? stateText(status) : isDue ? 'gsapp has ended; by its last estimate, the training has finished' : 'gsapp does not answer any more';
+  const isOver = ['finished', 'stopped', 'failed'].includes(status.state);
+  const isDue = status.state === 'training' && seconds >= (status.eta_seconds ?? Infinity);
+  const what = isOver
+    ? stateText(status)
+    : isDue
+      ? 'gsapp has ended; by its last estimate, the training has finished'
+      : 'gsapp does not answer any more';
   return `${what}. gsapp view ${status.run} shows what it saved.`;
 }
 
 /** `picture`: the iteration of the picture that is shown, if it is of this program. */
 export function facts(status: Status, picture: number | undefined): [string, string][] {
-  const { num_gaussians, iterations_per_second: speed, train_seconds, saved_iteration, save_pending, snapshot_error } = status;
+  const {
+    num_gaussians,
+    iterations_per_second: speed,
+    train_seconds,
+    saved_iteration,
+    save_pending,
+    snapshot_error,
+  } = status;
   return [
     ['Gaussians', count(num_gaussians)],
-    ...(speed ? [['Iterations per second', speed.toFixed(speed < 10 ? 1 : 0)]] as [string, string][] : []),
-    ...(train_seconds > 0 ? [['Trained for', duration(train_seconds)]] as [string, string][] : []),
-    ...(picture !== undefined ? [['Picture of iteration', count(picture)]] as [string, string][] : []),
-    ...(save_pending ? [['Saved', 'at the next hundredth iteration']] as [string, string][] : saved_iteration ? [['Saved', `iteration ${count(saved_iteration)}`]] as [string, string][] : []),
-    ...(status.save_error ? [['Not saved', status.save_error]] as [string, string][] : []),
-    ...(snapshot_error ? [['No picture', snapshot_error]] as [string, string][] : []),
+    ...(speed ? ([['Iterations per second', speed.toFixed(speed < 10 ? 1 : 0)]] as [string, string][]) : []),
+    ...(train_seconds > 0 ? ([['Trained for', duration(train_seconds)]] as [string, string][]) : []),
+    ...(picture !== undefined ? ([['Picture of iteration', count(picture)]] as [string, string][]) : []),
+    ...(save_pending
+      ? ([['Saved', 'at the next hundredth iteration']] as [string, string][])
+      : saved_iteration
+        ? ([['Saved', `iteration ${count(saved_iteration)}`]] as [string, string][])
+        : []),
+    ...(status.save_error ? ([['Not saved', status.save_error]] as [string, string][]) : []),
+    ...(snapshot_error ? ([['No picture', snapshot_error]] as [string, string][]) : []),
   ];
 }
 
@@ -101,7 +120,11 @@ export class LivePanel {
   }
 
   private showFacts(): void {
-    if (this.status) fillList('live-info', facts(this.status, this.picture?.id === this.status.id ? this.picture.iteration : undefined));
+    if (this.status)
+      fillList(
+        'live-info',
+        facts(this.status, this.picture?.id === this.status.id ? this.picture.iteration : undefined),
+      );
   }
 
   /** Another picture is shown, which the program `id` sent. */
@@ -111,11 +134,16 @@ export class LivePanel {
   }
 
   private showCurve(id: string, curve: Curve, text: (value: number) => string): void {
-    const last = lastValue(curve), figure = element(id);
+    const last = lastValue(curve);
+    const figure = element(id);
     figure.hidden = last === undefined;
     if (last === undefined) return;
     figure.querySelector('figcaption')!.textContent = text(last);
-    drawCurve(figure.querySelector('svg')!, curve, `${text(last)}, over iterations ${curve.iterations[0]} to ${curve.iterations.at(-1)}`);
+    drawCurve(
+      figure.querySelector('svg')!,
+      curve,
+      `${text(last)}, over iterations ${curve.iterations[0]} to ${curve.iterations.at(-1)}`,
+    );
   }
 
   /** Only what changed is read aloud. */

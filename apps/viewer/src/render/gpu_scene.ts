@@ -2,17 +2,30 @@
 // The data of one file on the GPU.
 
 import {
-  DataArrayTexture, DataTexture, NearestFilter, RGBAIntegerFormat, RGIntegerFormat, Uniform, UniformsGroup, UnsignedIntType, Vector3, Vector4,
+  DataArrayTexture,
+  DataTexture,
+  NearestFilter,
+  RGBAIntegerFormat,
+  RGIntegerFormat,
+  Uniform,
+  UniformsGroup,
+  UnsignedIntType,
+  Vector3,
+  Vector4,
   type WebGLRenderer,
 } from 'three';
 import { halfToFloat } from '../format/half';
 import { TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
 import { planeBytes, planesOf, type Plane } from '../format/reader';
 
-/** Weights of a network as a uniform block: every device has room for 1024 vectors, twice what the largest variant takes. */
+/**
+ * Weights of a network as a uniform block: every device has room for 1024 vectors, twice what the largest variant
+ * takes.
+ */
 function weightsBlock(halves: Uint16Array): UniformsGroup {
   const vectors: Vector4[] = [];
-  for (let i = 0; i < halves.length; i += 4) vectors.push(new Vector4(...[...halves.subarray(i, i + 4)].map(halfToFloat)));
+  for (let i = 0; i < halves.length; i += 4)
+    vectors.push(new Vector4(...[...halves.subarray(i, i + 4)].map(halfToFloat)));
   const group = new UniformsGroup();
   group.setName('Weights');
   group.add(new Uniform(vectors));
@@ -44,9 +57,14 @@ export class GpuScene {
     this.geometry = storage(new DataTexture(null, TEXTURE_WIDTH, scene.textureHeight), 'RGBA32UI');
     // Every sampler of a shader needs a texture of its kind, also where the file has nothing for it.
     const height = scene.payloadHeight;
-    const layers = (words: number) => (height > 0 ? (scene.payload.find((candidate) => candidate.words === words)?.layers ?? 0) : 0);
-    const quads = layers(4), pairs = layers(2);
-    this.quads = storage(quads ? new DataArrayTexture(null, TEXTURE_WIDTH, height, quads) : new DataArrayTexture(null, 1, 1, 1), 'RGBA32UI');
+    const layers = (words: number) =>
+      height > 0 ? (scene.payload.find((candidate) => candidate.words === words)?.layers ?? 0) : 0;
+    const quads = layers(4);
+    const pairs = layers(2);
+    this.quads = storage(
+      quads ? new DataArrayTexture(null, TEXTURE_WIDTH, height, quads) : new DataArrayTexture(null, 1, 1, 1),
+      'RGBA32UI',
+    );
     this.pairs = storage(pairs ? new DataTexture(null, TEXTURE_WIDTH, height) : new DataTexture(null, 1, 1), 'RG32UI');
     this.weights = weightsBlock(scene.weights);
     this.bytes = planesOf(scene).reduce((sum, plane) => sum + planeBytes(plane), 4 * scene.weights.length);

@@ -2,7 +2,18 @@
 // A pass: one mesh with one shader, drawn into one target. What three.js does beyond that is left out.
 
 import {
-  BufferAttribute, BufferGeometry, Camera, DoubleSide, GLSL3, Mesh, NoBlending, RawShaderMaterial, Scene, type IUniform, type RenderTarget, type ShaderMaterialParameters,
+  BufferAttribute,
+  BufferGeometry,
+  Camera,
+  DoubleSide,
+  GLSL3,
+  Mesh,
+  NoBlending,
+  RawShaderMaterial,
+  Scene,
+  type IUniform,
+  type RenderTarget,
+  type ShaderMaterialParameters,
   type WebGLRenderer,
 } from 'three';
 import fullscreenVertex from './fullscreen.vert.glsl?raw';
@@ -17,12 +28,29 @@ export class Pass {
   readonly material: RawShaderMaterial;
   private readonly scene = new Scene();
 
-  constructor(readonly geometry: BufferGeometry, vertexShader: string, fragmentShader: string, uniforms: Record<string, IUniform>, defines: Defines = {},
-              parameters: ShaderMaterialParameters = {}) {
-    const head = PRECISION + Object.entries(defines).map(([name, value]) => `#define ${name} ${typeof value === 'boolean' ? Number(value) : value}\n`).join('');
+  constructor(
+    readonly geometry: BufferGeometry,
+    vertexShader: string,
+    fragmentShader: string,
+    uniforms: Record<string, IUniform>,
+    defines: Defines = {},
+    parameters: ShaderMaterialParameters = {},
+  ) {
+    const head =
+      PRECISION +
+      Object.entries(defines)
+        .map(([name, value]) => `#define ${name} ${typeof value === 'boolean' ? Number(value) : value}\n`)
+        .join('');
     this.material = new RawShaderMaterial({
-      glslVersion: GLSL3, vertexShader: head + vertexShader, fragmentShader: head + fragmentShader, uniforms, depthTest: false, depthWrite: false,
-      side: DoubleSide, blending: NoBlending, ...parameters,
+      glslVersion: GLSL3,
+      vertexShader: head + vertexShader,
+      fragmentShader: head + fragmentShader,
+      uniforms,
+      depthTest: false,
+      depthWrite: false,
+      side: DoubleSide,
+      blending: NoBlending,
+      ...parameters,
     });
     const mesh = new Mesh(geometry, this.material);
     mesh.frustumCulled = false;
@@ -44,7 +72,11 @@ export class Pass {
   }
 }
 
-export function fullscreenPass(fragmentShader: string, uniforms: Record<string, IUniform>, defines: Defines = {}): Pass {
+export function fullscreenPass(
+  fragmentShader: string,
+  uniforms: Record<string, IUniform>,
+  defines: Defines = {},
+): Pass {
   const geometry = new BufferGeometry();
   geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
   return new Pass(geometry, fullscreenVertex, fragmentShader, uniforms, defines);

@@ -19,8 +19,13 @@ export const MODES: readonly Mode[] = ['full', 'base', 'residual', 'depth', 'app
 export function colorDefines(scene: Scene): Defines {
   const quads = scene.payload.find((block) => block.words === 4)?.layers ?? 0;
   return {
-    GS_HALVES: 8 * quads, GS_FLOATS: scene.floats.length, GS_WEIGHTS: scene.weights.length / 4, GS_HAS_RESIDUAL: scene.payload.length > 0,
-    GS_COLOR_ACTIVATION: scene.colorActivation, GS_RESIDUAL_ACTIVATION: scene.residualActivation, GS_EXPONENTIAL_BASE: scene.exponentialBase,
+    GS_HALVES: 8 * quads,
+    GS_FLOATS: scene.floats.length,
+    GS_WEIGHTS: scene.weights.length / 4,
+    GS_HAS_RESIDUAL: scene.payload.length > 0,
+    GS_COLOR_ACTIVATION: scene.colorActivation,
+    GS_RESIDUAL_ACTIVATION: scene.residualActivation,
+    GS_EXPONENTIAL_BASE: scene.exponentialBase,
     GS_CLASSES: scene.isInterleaved ? IMPORTANCE_CLASSES : 1,
     ...scene.constants,
   };
@@ -32,7 +37,8 @@ function centerDepth(scene: Scene, view: View): number {
 }
 
 /** The depth that the mode `depth` shows in a grey from 0 to 1. */
-export const depthOf = (scene: Scene, view: View, grey: number): number => centerDepth(scene, view) * Math.cbrt(1 / grey - 1);
+export const depthOf = (scene: Scene, view: View, grey: number): number =>
+  centerDepth(scene, view) * Math.cbrt(1 / grey - 1);
 
 /** Whether colours above 1 occur, which eight bits would cut off. */
 export function isUnbounded(activation: ColorActivation): boolean {
@@ -41,7 +47,12 @@ export function isUnbounded(activation: ColorActivation): boolean {
 
 /** What the GLSL of the colours takes from a view. */
 export function colorValues(scene: Scene, view: View, mode: Mode) {
-  return { camera_position: view.position, camera_forward: view.forward, center_depth: centerDepth(scene, view), mode: MODES.indexOf(mode) };
+  return {
+    camera_position: view.position,
+    camera_forward: view.forward,
+    center_depth: centerDepth(scene, view),
+    mode: MODES.indexOf(mode),
+  };
 }
 
 export class Prepass {
@@ -52,11 +63,24 @@ export class Prepass {
     const { scene } = gpu;
     // Without stored residual the model's code is not even compiled.
     const model = scene.payload.length > 0 ? scene.model.glsl : '';
-    this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${colorsCode}${model}`, uniforms({
-      geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, ...(scene.floats.length > 0 ? { header_floats: scene.floats } : {}),
-      base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count, num_residuals: 0,
-      camera_position: [0, 0, 0], camera_forward: [0, 0, 1], center_depth: 1, mode: 0,
-    }), colorDefines(scene));
+    this.pass = fullscreenPass(
+      `${gaussianCode}${prepassCode}${colorsCode}${model}`,
+      uniforms({
+        geometry: gpu.geometry,
+        payload_quads: gpu.quads,
+        payload_pairs: gpu.pairs,
+        ...(scene.floats.length > 0 ? { header_floats: scene.floats } : {}),
+        base_scale: scene.baseScale,
+        base_offset: scene.baseOffset,
+        count: scene.count,
+        num_residuals: 0,
+        camera_position: [0, 0, 0],
+        camera_forward: [0, 0, 1],
+        center_depth: 1,
+        mode: 0,
+      }),
+      colorDefines(scene),
+    );
     if (scene.weights.length > 0) this.pass.material.uniformsGroups = [gpu.weights];
   }
 
@@ -68,7 +92,8 @@ export class Prepass {
 
   /** Where the colours are, in no more than `precision`. */
   target(precision: Precision): WebGLRenderTarget {
-    const { scene } = this.gpu, type = precision === 'half' && isUnbounded(scene.colorActivation) ? 'half' : 'byte';
+    const { scene } = this.gpu;
+    const type = precision === 'half' && isUnbounded(scene.colorActivation) ? 'half' : 'byte';
     return (this.targets[type] ??= renderTarget(type, TEXTURE_WIDTH, scene.textureHeight));
   }
 

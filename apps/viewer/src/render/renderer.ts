@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a file and a view to a picture by WebGL2: colours of all Gaussians (prepass), blending back to front (splats), background and
-// photometric correction (resolve).
+// From a file and a view to a picture by WebGL2: colours of all Gaussians (prepass), blending back to front (splats),
+// background and photometric correction (resolve).
 
 import { WebGLRenderer, type WebGLRenderTarget } from 'three';
 import type { View } from '../camera/view';
@@ -24,31 +24,53 @@ function colorsKey(view: View, mode: Mode, precision: Precision): string {
 export class Renderer implements SceneRenderer {
   readonly way = 'WebGL2';
   readonly sortsItself = false;
-  readonly benchmarkProtocol = 'frame = colours of all Gaussians + blending into RGBA8 at 1280x720, native intrinsics, near plane 0.2, one pixel read after each; one untimed frame a view, sorting and photometric correction excluded';
+  readonly benchmarkProtocol =
+    'frame = colours of all Gaussians + blending into RGBA8 at 1280x720, native intrinsics, near plane 0.2, one pixel read after each; one untimed frame a view, sorting and photometric correction excluded';
   readonly webgl: WebGLRenderer;
   private readonly gl: WebGL2RenderingContext;
   private readonly blended: Record<Precision, WebGLRenderTarget>;
-  private readonly resolve = fullscreenPass(resolveCode + pixelCode, uniforms({
-    blended: null, origin: [0, 0], background: [0, 0, 0], corrected: false, gain: 1, mix_colors: [1, 0, 0, 0, 1, 0, 0, 0, 1], response: new Float32Array(18),
-  }));
+  private readonly resolve = fullscreenPass(
+    resolveCode + pixelCode,
+    uniforms({
+      blended: null,
+      origin: [0, 0],
+      background: [0, 0, 0],
+      corrected: false,
+      gain: 1,
+      mix_colors: [1, 0, 0, 0, 1, 0, 0, 0, 1],
+      response: new Float32Array(18),
+    }),
+  );
   private gpu: GpuScene | undefined;
   private prepass: Prepass | undefined;
   private splats: Splats | undefined;
   private colorsOf = '';
 
-  /** On a canvas, or on the device of another renderer, for a scene of its own. Throws RenderError where there is no WebGL2. */
+  /**
+   * On a canvas, or on the device of another renderer, for a scene of its own. Throws RenderError where there is no
+   * WebGL2.
+   */
   constructor(canvas: HTMLCanvasElement | Renderer) {
     if (canvas instanceof Renderer) {
       ({ webgl: this.webgl, gl: this.gl, blended: this.blended } = canvas);
       return;
     }
-    const context = canvas.getContext('webgl2', { antialias: false, alpha: false, depth: false, powerPreference: 'high-performance' });
-    if (!context) throw new RenderError('This page needs WebGL2, which this browser does not offer or has switched off.');
+    const context = canvas.getContext('webgl2', {
+      antialias: false,
+      alpha: false,
+      depth: false,
+      powerPreference: 'high-performance',
+    });
+    if (!context)
+      throw new RenderError('This page needs WebGL2, which this browser does not offer or has switched off.');
     this.gl = context;
     this.webgl = new WebGLRenderer({ canvas, context });
     this.webgl.autoClear = false;
     this.webgl.debug.onShaderError = (gl, _program, vertex, fragment) => {
-      const log = [vertex, fragment].map((shader) => gl.getShaderInfoLog(shader)).filter(Boolean).join('\n');
+      const log = [vertex, fragment]
+        .map((shader) => gl.getShaderInfoLog(shader))
+        .filter(Boolean)
+        .join('\n');
       throw new RenderError(`The graphics driver rejects a shader.\n${log}`);
     };
     this.blended = { half: renderTarget('half'), byte: renderTarget('byte') };
@@ -59,7 +81,9 @@ export class Renderer implements SceneRenderer {
   }
 
   get precision(): Precision {
-    return this.gl.getExtension('EXT_color_buffer_float') || this.gl.getExtension('EXT_color_buffer_half_float') ? 'half' : 'byte';
+    return this.gl.getExtension('EXT_color_buffer_float') || this.gl.getExtension('EXT_color_buffer_half_float')
+      ? 'half'
+      : 'byte';
   }
 
   setSize(width: number, height: number): void {
@@ -70,7 +94,9 @@ export class Renderer implements SceneRenderer {
     this.clearScene();
     const largest = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE) as number;
     if (scene.textureHeight > largest)
-      throw new RenderError(`This device holds textures of ${largest} rows, enough for ${2048 * largest} Gaussians; the file has ${scene.count}.`);
+      throw new RenderError(
+        `This device holds textures of ${largest} rows, enough for ${2048 * largest} Gaussians; the file has ${scene.count}.`,
+      );
     if (scene.count === 0) return;
     while (this.gl.getError() !== this.gl.NO_ERROR); // of what came before
     this.gpu = new GpuScene(scene);
@@ -79,7 +105,8 @@ export class Renderer implements SceneRenderer {
     try {
       this.gpu.allocate(this.webgl);
       this.webgl.initRenderTarget(this.prepass.target(this.precision));
-      if (this.gl.getError() === this.gl.OUT_OF_MEMORY) throw new RenderError('The graphics memory does not suffice for this file.');
+      if (this.gl.getError() === this.gl.OUT_OF_MEMORY)
+        throw new RenderError('The graphics memory does not suffice for this file.');
     } catch (error) {
       this.clearScene();
       throw error;
@@ -147,7 +174,12 @@ export class Renderer implements SceneRenderer {
     if (this.colorsOf !== colorsKey(view, picture.mode, precision)) this.drawColors(view, picture.mode, precision);
     const blended = this.drawSplats(view, precision, picture.splats);
     const origin = target ? [target.viewport.x, target.viewport.y] : [0, 0];
-    this.resolve.set({ blended: blended.texture, origin, background: picture.background, ...correction(picture.exposure, this.gpu?.scene.photometric?.response) });
+    this.resolve.set({
+      blended: blended.texture,
+      origin,
+      background: picture.background,
+      ...correction(picture.exposure, this.gpu?.scene.photometric?.response),
+    });
     this.resolve.draw(this.webgl, target);
   }
 
@@ -169,11 +201,15 @@ export class Renderer implements SceneRenderer {
   }
 
   async renderPixels(view: View, picture: Picture, precision = this.precision): Promise<Uint8Array> {
-    const { width, height } = view, target = renderTarget('byte', width, height), rows = new Uint8Array(4 * width * height), out = new Uint8Array(rows.length);
+    const { width, height } = view;
+    const target = renderTarget('byte', width, height);
+    const rows = new Uint8Array(4 * width * height);
+    const out = new Uint8Array(rows.length);
     this.render(view, picture, target, precision);
     this.webgl.readRenderTargetPixels(target, 0, 0, width, height, rows);
     target.dispose();
-    for (let y = 0; y < height; ++y) out.set(rows.subarray(4 * width * (height - 1 - y), 4 * width * (height - y)), 4 * width * y);
+    for (let y = 0; y < height; ++y)
+      out.set(rows.subarray(4 * width * (height - 1 - y), 4 * width * (height - y)), 4 * width * y);
     return out;
   }
 

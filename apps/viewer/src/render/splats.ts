@@ -2,7 +2,15 @@
 // A quad per Gaussian, back to front, blended over what is behind it.
 
 import {
-  AddEquation, BufferAttribute, CustomBlending, InstancedBufferAttribute, InstancedBufferGeometry, OneFactor, OneMinusSrcAlphaFactor, type RenderTarget, type Texture,
+  AddEquation,
+  BufferAttribute,
+  CustomBlending,
+  InstancedBufferAttribute,
+  InstancedBufferGeometry,
+  OneFactor,
+  OneMinusSrcAlphaFactor,
+  type RenderTarget,
+  type Texture,
   type WebGLRenderer,
 } from 'three';
 import { camFromWorld, type View } from '../camera/view';
@@ -34,8 +42,11 @@ export function splatDefines({ antialiased }: Scene): Defines {
 /** What it takes from a view. */
 export function splatValues(view: View, style: SplatStyle) {
   return {
-    ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height],
-    splat_size: style.size, near_plane: Math.max(PLAIN_SPLATS.near, style.near),
+    ...camFromWorld(view),
+    intrinsics: [view.fx, view.fy, view.cx, view.cy],
+    size: [view.width, view.height],
+    splat_size: style.size,
+    near_plane: Math.max(PLAIN_SPLATS.near, style.near),
   };
 }
 
@@ -45,16 +56,37 @@ export class Splats {
   private readonly pass: Pass;
 
   constructor(gpu: GpuScene) {
-    this.geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0]), 3));
+    this.geometry.setAttribute(
+      'position',
+      new BufferAttribute(new Float32Array([-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0]), 3),
+    );
     this.geometry.setIndex([0, 1, 2, 0, 2, 3]);
     this.attribute = new InstancedBufferAttribute(new Uint32Array(gpu.scene.count), 1);
     this.geometry.setAttribute('order', this.attribute);
     this.geometry.instanceCount = 0;
-    this.pass = new Pass(this.geometry, gaussianCode + vertexCode + cornerCode, blendingCode + fragmentCode, uniforms({
-      geometry: gpu.geometry, colors: null, rotation: null, translation: null, intrinsics: null, size: null, splat_size: 1, near_plane: 0,
-    }), splatDefines(gpu.scene), {
-      transparent: true, blending: CustomBlending, blendEquation: AddEquation, blendSrc: OneFactor, blendDst: OneMinusSrcAlphaFactor,
-    });
+    this.pass = new Pass(
+      this.geometry,
+      gaussianCode + vertexCode + cornerCode,
+      blendingCode + fragmentCode,
+      uniforms({
+        geometry: gpu.geometry,
+        colors: null,
+        rotation: null,
+        translation: null,
+        intrinsics: null,
+        size: null,
+        splat_size: 1,
+        near_plane: 0,
+      }),
+      splatDefines(gpu.scene),
+      {
+        transparent: true,
+        blending: CustomBlending,
+        blendEquation: AddEquation,
+        blendSrc: OneFactor,
+        blendDst: OneMinusSrcAlphaFactor,
+      },
+    );
   }
 
   get count(): number {

@@ -8,7 +8,13 @@ export type Precision = 'half' | 'byte';
 
 export function renderTarget(precision: Precision, width = 1, height = 1): WebGLRenderTarget {
   const type = precision === 'half' ? HalfFloatType : UnsignedByteType;
-  return new WebGLRenderTarget(width, height, { format: RGBAFormat, type, minFilter: NearestFilter, magFilter: NearestFilter, depthBuffer: false });
+  return new WebGLRenderTarget(width, height, {
+    format: RGBAFormat,
+    type,
+    minFilter: NearestFilter,
+    magFilter: NearestFilter,
+    depthBuffer: false,
+  });
 }
 
 export function targetBytes(target: WebGLRenderTarget): number {

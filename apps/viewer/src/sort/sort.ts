@@ -6,21 +6,34 @@ import { halfToFloat } from '../format/half';
 import { dot } from '../format/vector';
 
 /** Nearer and farther Gaussians are not drawn; as in the rasterizer. */
-export const NEAR_PLANE = 0.2, FAR_PLANE = 10000;
+export const NEAR_PLANE = 0.2;
+export const FAR_PLANE = 10000;
 
-/** Share of the picture's size that is sorted beyond each of its edges, so that turning shows no holes before the next order is there. */
+/**
+ * Share of the picture's size that is sorted beyond each of its edges, so that turning shows no holes before the next
+ * order is there.
+ */
 const MARGIN = 0.15;
-/** The vertex shader takes the slope of a Gaussian beside the picture as that of one so far outside (kFrustumMargin). */
+/**
+ * The vertex shader takes the slope of a Gaussian beside the picture as that of one so far outside (kFrustumMargin).
+ */
 const SLOPE_MARGIN = 0.15;
-/** Standard deviations at which an opaque Gaussian has fallen to an alpha of 1/255, and the pixels that dilation may add to that. */
+/**
+ * Standard deviations at which an opaque Gaussian has fallen to an alpha of 1/255, and the pixels that dilation may add
+ * to that.
+ */
 export const MOST_DEVIATIONS = Math.sqrt(2 * Math.log(255));
 const DILATION_PIXELS = 2;
 
-const DIGIT_BITS = 11, BUCKETS = 1 << DIGIT_BITS, KEY_BITS = 2 * DIGIT_BITS;
+const DIGIT_BITS = 11;
+const BUCKETS = 1 << DIGIT_BITS;
+const KEY_BITS = 2 * DIGIT_BITS;
 
 const halves = Float32Array.from({ length: 1 << 16 }, (_, bits) => halfToFloat(bits));
 /** Radius of a Gaussian by the code of its largest standard deviation (docs/formats.md). */
-const radii = Float32Array.from({ length: 256 }, (_, code) => (code === 0 ? 0 : MOST_DEVIATIONS * Math.exp(-12 + ((code - 1) * 21) / 254)));
+const radii = Float32Array.from({ length: 256 }, (_, code) =>
+  code === 0 ? 0 : MOST_DEVIATIONS * Math.exp(-12 + ((code - 1) * 21) / 254),
+);
 
 /** x, y, z of every Gaussian, from its packed geometry. */
 export function centersOf(geometry: Uint32Array): Float32Array<ArrayBuffer> {
@@ -34,18 +47,25 @@ export function centersOf(geometry: Uint32Array): Float32Array<ArrayBuffer> {
 }
 
 /**
- * How a Gaussian at (x, z) of the camera's frame lies in one direction of the picture: it may be seen where low z - reach r <= x <= high z + reach r.
- * `share` of the picture's size counts as part of it beyond its edges.
+ * How a Gaussian at (x, z) of the camera's frame lies in one direction of the picture: it may be seen where low z -
+ * reach r <= x <= high z + reach r. `share` of the picture's size counts as part of it beyond its edges.
  */
-export function extent(focal: number, center: number, size: number, share: number): { low: number; high: number; reach: number } {
-  const margin = share * size + DILATION_PIXELS, at = (pixel: number) => (pixel - center) / focal;
+export function extent(
+  focal: number,
+  center: number,
+  size: number,
+  share: number,
+): { low: number; high: number; reach: number } {
+  const margin = share * size + DILATION_PIXELS;
+  const at = (pixel: number) => (pixel - center) / focal;
   const slope = Math.max(Math.abs(at(-SLOPE_MARGIN * size)), Math.abs(at((1 + SLOPE_MARGIN) * size)));
   return { low: at(-margin), high: at(size + margin), reach: Math.hypot(1, slope) };
 }
 
 /**
- * Sorts by the bits of the depth as a single-precision number, which for positive numbers rise with it: two counting sorts of 11 bits
- * each. Depths of one view that differ by less than one part in 100,000 may count as equal, which is far less than the file rounds.
+ * Sorts by the bits of the depth as a single-precision number, which for positive numbers rise with it: two counting
+ * sorts of 11 bits each. Depths of one view that differ by less than one part in 100,000 may count as equal, which is
+ * far less than the file rounds.
  */
 export class DepthSorter {
   /** Two words each: x and y as in the file; z, and in the upper half the code of the radius. */
@@ -67,9 +87,11 @@ export class DepthSorter {
 
   /** Takes the next Gaussians' packed geometry; what is beyond the count is passed over. */
   add(texels: Uint32Array): void {
-    const { geometry } = this, n = Math.min(texels.length / 4, this.count - this.added);
+    const { geometry } = this;
+    const n = Math.min(texels.length / 4, this.count - this.added);
     for (let i = 0, k = 2 * this.added; i < 4 * n; i += 4) {
-      const scales = texels[i + 3], code = Math.max(scales & 255, (scales >>> 8) & 255, (scales >>> 16) & 255);
+      const scales = texels[i + 3];
+      const code = Math.max(scales & 255, (scales >>> 8) & 255, (scales >>> 16) & 255);
       geometry[k++] = texels[i + 1];
       geometry[k++] = (texels[i + 2] & 0xffff) | (code << 16);
     }
@@ -77,22 +99,39 @@ export class DepthSorter {
   }
 
   /**
-   * Writes those that `view` may show, with scales `size` times as large, to the beginning of `order`, farthest first, and returns how
-   * many. Equally far ones keep their order.
+   * Writes those that `view` may show, with scales `size` times as large, to the beginning of `order`, farthest first,
+   * and returns how many. Equally far ones keep their order.
    */
   sort(view: View, size: number, order: Uint32Array): number {
-    const { geometry, depths } = this, { right, down, forward, position } = view;
-    const [rx, ry, rz] = right, [dx, dy, dz] = down, [fx, fy, fz] = forward;
-    const right0 = -dot(right, position), down0 = -dot(down, position), forward0 = -dot(forward, position);
-    const across = extent(view.fx, view.cx, view.width, MARGIN), along = extent(view.fy, view.cy, view.height, MARGIN);
-    const left = across.low, rightmost = across.high, reachX = size * across.reach, top = along.low, bottom = along.high, reachY = size * along.reach;
-    let visible = 0, nearest = Infinity, farthest = 0;
+    const { geometry, depths } = this;
+    const { right, down, forward, position } = view;
+    const [rx, ry, rz] = right;
+    const [dx, dy, dz] = down;
+    const [fx, fy, fz] = forward;
+    const right0 = -dot(right, position);
+    const down0 = -dot(down, position);
+    const forward0 = -dot(forward, position);
+    const across = extent(view.fx, view.cx, view.width, MARGIN);
+    const along = extent(view.fy, view.cy, view.height, MARGIN);
+    const left = across.low;
+    const rightmost = across.high;
+    const reachX = size * across.reach;
+    const top = along.low;
+    const bottom = along.high;
+    const reachY = size * along.reach;
+    let visible = 0;
+    let nearest = Infinity;
+    let farthest = 0;
     for (let i = 0, n = this.added; i < n; ++i) {
-      const xy = geometry[2 * i], zr = geometry[2 * i + 1];
-      const x = halves[xy & 0xffff], y = halves[xy >>> 16], z = halves[zr & 0xffff];
+      const xy = geometry[2 * i];
+      const zr = geometry[2 * i + 1];
+      const x = halves[xy & 0xffff];
+      const y = halves[xy >>> 16];
+      const z = halves[zr & 0xffff];
       const depth = fx * x + fy * y + fz * z + forward0;
       if (!(depth >= NEAR_PLANE && depth <= FAR_PLANE)) continue;
-      const radius = radii[zr >>> 16], u = rx * x + ry * y + rz * z + right0;
+      const radius = radii[zr >>> 16];
+      const u = rx * x + ry * y + rz * z + right0;
       if (u < left * depth - reachX * radius || u > rightmost * depth + reachX * radius) continue;
       const v = dx * x + dy * y + dz * z + down0;
       if (v < top * depth - reachY * radius || v > bottom * depth + reachY * radius) continue;
@@ -107,7 +146,12 @@ export class DepthSorter {
 
   /** `order` holds `n` indices whose depths are in `depths`. */
   private sortByDepth(order: Uint32Array, n: number, nearest: number, farthest: number): void {
-    const { keys, indices, digits, counts: [low, high] } = this;
+    const {
+      keys,
+      indices,
+      digits,
+      counts: [low, high],
+    } = this;
     const [lowest, highest] = new Uint32Array(Float32Array.of(nearest, farthest).buffer);
     let shift = 0;
     while ((highest - lowest) >>> shift >= 1 << KEY_BITS) ++shift;
@@ -122,7 +166,8 @@ export class DepthSorter {
     begins(low);
     begins(high);
     for (let i = 0; i < n; ++i) {
-      const key = keys[i], at = low[key & (BUCKETS - 1)]++;
+      const key = keys[i];
+      const at = low[key & (BUCKETS - 1)]++;
       indices[at] = order[i];
       digits[at] = key >>> DIGIT_BITS;
     }

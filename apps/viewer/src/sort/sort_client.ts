@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The worker as the page sees it: at most one sort runs, and of the cameras that come meanwhile only the last is sorted for.
+// The worker as the page sees it: at most one sort runs, and of the cameras that come meanwhile only the last is sorted
+// for.
 
 import type { View } from '../camera/view';
 import type { SortRequest, SortResult } from './worker';
 
-/** Workers that nobody needs at present. They are used again: the server of the page may have ended since, and with it their program. */
+/**
+ * Workers that nobody needs at present. They are used again: the server of the page may have ended since, and with it
+ * their program.
+ */
 const idle: Worker[] = [];
 let numClients = 0;
 
@@ -20,8 +24,15 @@ export class SortClient {
   /** The time of the last sort; undefined before the first has ended. */
   milliseconds: number | undefined;
 
-  /** For `count` Gaussians. `apply` takes a finished order and its count, and returns an array of the same length that is no longer needed. */
-  constructor(count: number, apply: (order: Uint32Array, count: number) => Uint32Array, onError: (message: string) => void) {
+  /**
+   * For `count` Gaussians. `apply` takes a finished order and its count, and returns an array of the same length that
+   * is no longer needed.
+   */
+  constructor(
+    count: number,
+    apply: (order: Uint32Array, count: number) => Uint32Array,
+    onError: (message: string) => void,
+  ) {
     this.spare = new Uint32Array(count); // first: there may be no memory for it
     const known = idle.pop();
     this.isReady = known !== undefined;
@@ -49,7 +60,9 @@ export class SortClient {
     this.worker.postMessage(copy, [copy.buffer]);
   }
 
-  /** With scales `size` times as large. Resolves when the order of the last view asked for is applied, or never will be. */
+  /**
+   * With scales `size` times as large. Resolves when the order of the last view asked for is applied, or never will be.
+   */
   sort(view: View, size = 1): Promise<void> {
     this.wanted = { view, size };
     if (this.hasFailed) return Promise.resolve();
@@ -62,7 +75,8 @@ export class SortClient {
   }
 
   private start(): void {
-    const order = this.spare!, request: SortRequest = { ...this.wanted!, client: this.client, order };
+    const order = this.spare!;
+    const request: SortRequest = { ...this.wanted!, client: this.client, order };
     this.spare = this.wanted = undefined;
     this.worker.postMessage(request, [order.buffer]);
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sorts in a thread of its own. A number begins anew and says how many Gaussians there will be. Then come parts of their geometry, and requests.
+// Sorts in a thread of its own. A number begins anew and says how many Gaussians there will be. Then come parts of
+// their geometry, and requests.
 
 import type { View } from '../camera/view';
 import { DepthSorter } from './sort';
@@ -26,7 +27,12 @@ self.onmessage = ({ data }: MessageEvent<number | Uint32Array | SortRequest>) =>
   else {
     const begin = performance.now();
     const count = sorter!.sort(data.view, data.size, data.order);
-    const result: SortResult = { client: data.client, order: data.order, count, milliseconds: performance.now() - begin };
+    const result: SortResult = {
+      client: data.client,
+      order: data.order,
+      count,
+      milliseconds: performance.now() - begin,
+    };
     self.postMessage(result, { transfer: [data.order.buffer] });
   }
 };

@@ -18,14 +18,27 @@ export interface Compared extends Sides {
   split: number;
 }
 
-export const MODE_NAMES: Record<Mode, string> = { full: 'Full', base: 'Base', residual: 'Residual', depth: 'Depth', appearance: 'View-dependence' };
+export const MODE_NAMES: Record<Mode, string> = {
+  full: 'Full',
+  base: 'Base',
+  residual: 'Residual',
+  depth: 'Depth',
+  appearance: 'View-dependence',
+};
 const OTHER = 'Other model';
 
 /** The parts of the width that an arrow key and page keys move. */
-const STEP = 0.01, PAGE = 0.1;
+const STEP = 0.01;
+const PAGE = 0.1;
 const KEYS: Record<string, (split: number) => number> = {
-  ArrowLeft: (split) => split - STEP, ArrowDown: (split) => split - STEP, ArrowRight: (split) => split + STEP, ArrowUp: (split) => split + STEP,
-  PageDown: (split) => split - PAGE, PageUp: (split) => split + PAGE, Home: () => 0, End: () => 1,
+  ArrowLeft: (split) => split - STEP,
+  ArrowDown: (split) => split - STEP,
+  ArrowRight: (split) => split + STEP,
+  ArrowUp: (split) => split + STEP,
+  PageDown: (split) => split - PAGE,
+  PageUp: (split) => split + PAGE,
+  Home: () => 0,
+  End: () => 1,
 };
 
 export class ComparePanel {
@@ -41,7 +54,11 @@ export class ComparePanel {
 
   /** `changed` is called when another picture is wanted. */
   constructor(private readonly changed: () => void) {
-    const choices: [Shown, string][] = [...(Object.entries(MODE_NAMES) as [Mode, string][]), ['photograph', 'Photograph'], ['other', OTHER]];
+    const choices: [Shown, string][] = [
+      ...(Object.entries(MODE_NAMES) as [Mode, string][]),
+      ['photograph', 'Photograph'],
+      ['other', OTHER],
+    ];
     for (const select of [this.left, this.right]) {
       select.replaceChildren(...choices.map(([value, name]) => new Option(name, value)));
       select.addEventListener('change', () => {
@@ -84,16 +101,21 @@ export class ComparePanel {
     return { left: this.left.value as Shown, right: this.right.value as Shown };
   }
 
-  /** What the other model is called, where there is one, and what the right side shows from now on unless somebody chose. */
+  /**
+   * What the other model is called, where there is one, and what the right side shows from now on unless somebody
+   * chose.
+   */
   setOther(name: string | undefined, right?: Shown): void {
     for (const select of [this.left, this.right]) {
-      for (const option of select.options) if (option.value === 'other') option.textContent = name === undefined ? OTHER : `${OTHER}: ${name}`;
+      for (const option of select.options)
+        if (option.value === 'other') option.textContent = name === undefined ? OTHER : `${OTHER}: ${name}`;
     }
     if (right && !this.isChosen) this.right.value = right;
   }
 
   setLabels(left: string, right: string): void {
-    for (const [i, text] of [left, right].entries()) if (this.labels[i].textContent !== text) this.labels[i].textContent = text; // read aloud once
+    for (const [i, text] of [left, right].entries())
+      if (this.labels[i].textContent !== text) this.labels[i].textContent = text; // read aloud once
   }
 
   setHelp(text: string): void {

@@ -20,7 +20,10 @@ export class DetailPanel {
   setLevels(levels: Level[], chosen: number | undefined): void {
     const name = ({ count, psnr }: Level, k: number) =>
       `${k === 0 ? 'All' : `1/${Math.round(levels[0].count / count)}`}: ${count.toLocaleString('en')}${psnr === undefined ? '' : `, ${psnr.toFixed(2)} dB`}`;
-    this.list.replaceChildren(new Option('Automatic', ''), ...levels.map((level, k) => new Option(name(level, k), String(k))));
+    this.list.replaceChildren(
+      new Option('Automatic', ''),
+      ...levels.map((level, k) => new Option(name(level, k), String(k))),
+    );
     this.list.value = chosen === undefined ? '' : String(chosen);
     this.box.hidden = false;
   }

@@ -9,9 +9,13 @@ function fileSource(file: File): Source {
   return { name: file.name, size: file.size, parts: partsOf(file.stream()) };
 }
 
-/** `opened` gets what reads a file from its beginning, as often as called. Undefined where files cannot be shown: then a dropped one does not replace the page. */
+/**
+ * `opened` gets what reads a file from its beginning, as often as called. Undefined where files cannot be shown: then a
+ * dropped one does not replace the page.
+ */
 export function onFile(opened: ((source: () => Promise<Source>) => void) | undefined): void {
-  const input = element<HTMLInputElement>('file'), overlay = element('drop');
+  const input = element<HTMLInputElement>('file');
+  const overlay = element('drop');
   const open = (file: File) => opened?.(() => Promise.resolve(fileSource(file)));
   for (const id of ['open', 'open-notice']) element(id).addEventListener('click', () => input.click());
   input.addEventListener('change', () => {

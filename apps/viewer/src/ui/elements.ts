@@ -6,12 +6,15 @@ export function element<T extends HTMLElement>(id: string): T {
 
 /** Fills a <dl> with terms and what they are. */
 export function fillList(id: string, rows: [string, string][]): void {
-  element(id).replaceChildren(...rows.flatMap(([term, value]) => {
-    const dt = document.createElement('dt'), dd = document.createElement('dd');
-    dt.textContent = term;
-    dd.textContent = value;
-    return [dt, dd];
-  }));
+  element(id).replaceChildren(
+    ...rows.flatMap(([term, value]) => {
+      const dt = document.createElement('dt');
+      const dd = document.createElement('dd');
+      dt.textContent = term;
+      dd.textContent = value;
+      return [dt, dd];
+    }),
+  );
 }
 
 /** Hands the user a file. */
@@ -25,5 +28,6 @@ export function save(blob: Blob, name: string): void {
 
 /** The radio buttons of a group call `chosen` with the value. */
 export function onChoice<T extends string>(name: string, chosen: (value: T) => void): void {
-  for (const input of document.querySelectorAll<HTMLInputElement>(`input[name="${name}"]`)) input.addEventListener('change', () => chosen(input.value as T));
+  for (const input of document.querySelectorAll<HTMLInputElement>(`input[name="${name}"]`))
+    input.addEventListener('change', () => chosen(input.value as T));
 }

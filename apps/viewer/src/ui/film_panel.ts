@@ -31,20 +31,29 @@ export class FilmPanel {
   constructor(private readonly stage: FilmStage) {
     const film = (path: () => CameraPath) => ({
       play: () => this.run(() => stage.play(path(), this.duration())),
-      record: () => this.run(async () => {
-        const blob = await stage.record(path(), this.duration());
-        save(blob, 'video.webm');
-        this.message.textContent = `Saved, ${(blob.size / 1e6).toFixed(1)} MB.`;
-      }),
+      record: () =>
+        this.run(async () => {
+          const blob = await stage.record(path(), this.duration());
+          save(blob, 'video.webm');
+          this.message.textContent = `Saved, ${(blob.size / 1e6).toFixed(1)} MB.`;
+        }),
     });
-    const around = film(() => stage.turntable()), along = film(() => keyframePath(this.keyframes));
+    const around = film(() => stage.turntable());
+    const along = film(() => keyframePath(this.keyframes));
     const buttons: Record<string, () => void> = {
-      'play-turntable': around.play, 'record-turntable': around.record, 'play-path': along.play, 'record-path': along.record, 'stop-film': () => stage.stop(),
-      'add-keyframe': this.add, 'save-cameras': () => this.saveAs('cameras.json', (frames) => formatCameras(frames, stage.frame())),
-      'save-nerfstudio': () => this.saveAs('camera_path.json', (frames) => formatNerfstudio(frames, this.duration(), stage.frame())),
+      'play-turntable': around.play,
+      'record-turntable': around.record,
+      'play-path': along.play,
+      'record-path': along.record,
+      'stop-film': () => stage.stop(),
+      'add-keyframe': this.add,
+      'save-cameras': () => this.saveAs('cameras.json', (frames) => formatCameras(frames, stage.frame())),
+      'save-nerfstudio': () =>
+        this.saveAs('camera_path.json', (frames) => formatNerfstudio(frames, this.duration(), stage.frame())),
       'load-path': () => file.click(),
     };
-    for (const [id, action] of Object.entries(buttons)) element(id).addEventListener('click', () => this.attempt(action));
+    for (const [id, action] of Object.entries(buttons))
+      element(id).addEventListener('click', () => this.attempt(action));
     const file = element<HTMLInputElement>('path-file');
     file.addEventListener('change', async () => {
       const [chosen] = file.files ?? [];
@@ -109,19 +118,28 @@ export class FilmPanel {
   /** Brings list and buttons up to date. */
   private update(isPlaying = false): void {
     const button = (text: string, label: string, action: () => void) => {
-      const made = Object.assign(document.createElement('button'), { type: 'button', textContent: text, ariaLabel: label });
+      const made = Object.assign(document.createElement('button'), {
+        type: 'button',
+        textContent: text,
+        ariaLabel: label,
+      });
       made.addEventListener('click', () => this.attempt(action));
       return made;
     };
-    this.list.replaceChildren(...this.keyframes.map((view, i) => {
-      const item = document.createElement('li');
-      item.append(button('Go to', `Go to keyframe ${i + 1}`, () => this.stage.show(view)), button('Remove', `Remove keyframe ${i + 1}`, () => {
-        this.keyframes.splice(i, 1);
-        this.update();
-        element('add-keyframe').focus(); // the button that had the focus is gone
-      }));
-      return item;
-    }));
+    this.list.replaceChildren(
+      ...this.keyframes.map((view, i) => {
+        const item = document.createElement('li');
+        item.append(
+          button('Go to', `Go to keyframe ${i + 1}`, () => this.stage.show(view)),
+          button('Remove', `Remove keyframe ${i + 1}`, () => {
+            this.keyframes.splice(i, 1);
+            this.update();
+            element('add-keyframe').focus(); // the button that had the focus is gone
+          }),
+        );
+        return item;
+      }),
+    );
     const enable = (ids: string[], on: boolean) => ids.forEach((id) => (element<HTMLButtonElement>(id).disabled = !on));
     enable(['play-turntable', 'record-turntable', 'add-keyframe', 'load-path'], !isPlaying);
     enable(['play-path', 'record-path'], !isPlaying && this.keyframes.length > 1);

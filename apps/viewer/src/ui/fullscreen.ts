@@ -6,7 +6,10 @@ import { element } from './elements';
 /** Browsers leave by Escape. */
 export function toggleFullscreen(): void {
   if (document.fullscreenElement) void document.exitFullscreen();
-  else void element('stage').requestFullscreen?.().catch(() => undefined); // a page around this one may not allow it
+  else
+    void element('stage')
+      .requestFullscreen?.()
+      .catch(() => undefined); // a page around this one may not allow it
 }
 
 const button = element('fullscreen');

@@ -17,7 +17,10 @@ export class Meter {
 
   constructor(private readonly output = element('meter')) {}
 
-  /** A frame was drawn. `sorted`: the milliseconds that its order took, or where that is part of drawing; undefined while there is none. */
+  /**
+   * A frame was drawn. `sorted`: the milliseconds that its order took, or where that is part of drawing; undefined
+   * while there is none.
+   */
   frame(now: number, sorted: number | 'on the GPU' | undefined, drawn: number): void {
     const dt = now - this.last;
     this.last = now;
@@ -31,7 +34,10 @@ export class Meter {
   /** The number of Gaussians in the last frame has become known. */
   show(drawn: number): void {
     const { rate, sorted } = this;
-    const order = sorted === undefined ? 'sorting…' : `${drawn.toLocaleString('en')} drawn · sorted ${typeof sorted === 'number' ? `in ${sorted.toFixed(0)} ms` : sorted}`;
+    const order =
+      sorted === undefined
+        ? 'sorting…'
+        : `${drawn.toLocaleString('en')} drawn · sorted ${typeof sorted === 'number' ? `in ${sorted.toFixed(0)} ms` : sorted}`;
     this.output.textContent = `${rate}${order}`;
   }
 }

@@ -3,10 +3,18 @@
 
 import { element } from './elements';
 
-const box = element('notice'), title = element('notice-title'), text = element('notice-text');
-const progress = element<HTMLProgressElement>('progress'), actions = element('notice-actions'), dismiss = element('dismiss');
+const box = element('notice');
+const title = element('notice-title');
+const text = element('notice-text');
+const progress = element<HTMLProgressElement>('progress');
+const actions = element('notice-actions');
+const dismiss = element('dismiss');
 
-function show(heading: string, body: string, parts: { progress?: boolean; actions?: boolean; dismiss?: boolean; aside?: boolean }): void {
+function show(
+  heading: string,
+  body: string,
+  parts: { progress?: boolean; actions?: boolean; dismiss?: boolean; aside?: boolean },
+): void {
   title.textContent = heading;
   text.textContent = body;
   progress.hidden = !parts.progress;
@@ -21,7 +29,10 @@ export const megabytes = (bytes: number): string => `${(bytes / 1e6).toFixed(byt
 
 /** With `aside`, there is a picture to see meanwhile. */
 export function showLoading(name: string, bytes: number, size?: number, aside = false): void {
-  show(`Loading ${name}`, size ? `${megabytes(bytes)} of ${megabytes(size)}` : megabytes(bytes), { progress: true, aside });
+  show(`Loading ${name}`, size ? `${megabytes(bytes)} of ${megabytes(size)}` : megabytes(bytes), {
+    progress: true,
+    aside,
+  });
   if (size) progress.value = Math.min(bytes / size, 1);
   else progress.removeAttribute('value');
 }
@@ -37,7 +48,11 @@ export function showRemark(heading: string, message: string): void {
 }
 
 export function showWelcome(): void {
-  show('No model yet', 'Drop an .ngsplat, .ply, .splat or .spz file here, or open one. gsapp export --format web writes the first.', { actions: true });
+  show(
+    'No model yet',
+    'Drop an .ngsplat, .ply, .splat or .spz file here, or open one. gsapp export --format web writes the first.',
+    { actions: true },
+  );
 }
 
 export function hideNotice(): void {

@@ -19,7 +19,8 @@ const MODE_HELP: Record<Mode, string> = {
   appearance: 'Grey: one colour from everywhere. Blue to yellow: how much the colour depends on the view.',
 };
 const KEYS: Record<MovementName, string> = {
-  orbit: 'Drag to turn, wheel or pinch to come closer, right button or two fingers to shift, double click to turn around another point. Keys: arrows, + and −, Shift with arrows.',
+  orbit:
+    'Drag to turn, wheel or pinch to come closer, right button or two fingers to shift, double click to turn around another point. Keys: arrows, + and −, Shift with arrows.',
   fly: 'Drag to look, two fingers to move, wheel for the speed. Keys: W A S D, Q and E, arrows.',
 };
 
@@ -37,7 +38,8 @@ export interface PanelEvents {
 /** The page of a training is for who trains; others begin with the picture alone. */
 const startsOpen = new URLSearchParams(location.search).has('live') && !matchMedia('(max-width: 44rem)').matches;
 
-const radio = (group: string, value: string) => document.querySelector<HTMLInputElement>(`input[name="${group}"][value="${value}"]`)!;
+const radio = (group: string, value: string) =>
+  document.querySelector<HTMLInputElement>(`input[name="${group}"][value="${value}"]`)!;
 const short = (x: number): string => String(Number(x.toPrecision(3)));
 
 export class Panel {
@@ -55,8 +57,12 @@ export class Panel {
   constructor(events: PanelEvents) {
     onChoice<Mode>('mode', (mode) => events.change({ mode }));
     onChoice<MovementName>('movement', (movement) => events.change({ movement }));
-    this.up.addEventListener('change', () => events.change({ up: (this.up.value || undefined) as AxisName | undefined }));
-    this.background.addEventListener('input', () => events.change({ background: colorOf(this.background.value.slice(1)) }));
+    this.up.addEventListener('change', () =>
+      events.change({ up: (this.up.value || undefined) as AxisName | undefined }),
+    );
+    this.background.addEventListener('input', () =>
+      events.change({ background: colorOf(this.background.value.slice(1)) }),
+    );
     element('own-background').addEventListener('click', () => {
       this.background.focus(); // the button is disabled at once
       events.change({ background: undefined });
@@ -91,7 +97,8 @@ export class Panel {
 
   /** Brings the controls to what is set. */
   show(settings: Settings): void {
-    const { mode, movement, up, background, splatSize, points, near, photometric, panel } = settings, isOpen = panel ?? startsOpen;
+    const { mode, movement, up, background, splatSize, points, near, photometric, panel } = settings;
+    const isOpen = panel ?? startsOpen;
     document.body.classList.toggle('folded', !isOpen);
     this.toggle.textContent = isOpen ? 'Hide' : 'Settings';
     this.toggle.ariaExpanded = String(isOpen);
@@ -116,7 +123,8 @@ export class Panel {
     document.title = name === PAGE.title ? name : `${name} – gsapp viewer`;
     this.ownBackground = background;
     const kind = areTrainingViews ? 'Training view' : 'Test view';
-    for (const option of this.camera.options) if (option.value !== '') option.textContent = `${kind} ${Number(option.value) + 1}`;
+    for (const option of this.camera.options)
+      if (option.value !== '') option.textContent = `${kind} ${Number(option.value) + 1}`;
   }
 
   setScene(name: string, scene: Scene): void {
@@ -145,11 +153,16 @@ export function sceneInfo(scene: Scene, fileBytes: number, gpuBytes: number): [s
   return [
     ['Gaussians', scene.count.toLocaleString('en')],
     ['Appearance', scene.appearance],
-    ...(share > 0 && share < 1 ? [['View-dependent', `${(100 * share).toFixed(1)} %`]] as [string, string][] : []),
+    ...(share > 0 && share < 1 ? ([['View-dependent', `${(100 * share).toFixed(1)} %`]] as [string, string][]) : []),
     ['Bytes per Gaussian', share < 1 ? (4 * words).toFixed(1) : String(4 * words)],
     ['File', megabytes(fileBytes)],
     ['Graphics memory', megabytes(gpuBytes)],
     [scene.areTrainingViews ? 'Training views' : 'Test views', String(scene.testCameras.length)],
-    ...(scene.psnr ? [['Their PSNR', `${scene.psnr.model.toFixed(2)} dB`], ['As stored here', `${scene.psnr.packed.toFixed(2)} dB`]] as [string, string][] : []),
+    ...(scene.psnr
+      ? ([
+          ['Their PSNR', `${scene.psnr.model.toFixed(2)} dB`],
+          ['As stored here', `${scene.psnr.packed.toFixed(2)} dB`],
+        ] as [string, string][])
+      : []),
   ];
 }

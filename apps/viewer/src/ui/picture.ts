@@ -17,6 +17,7 @@ export function showSpeed(factor: number): void {
 
 /** Keys act on the picture at once, unless the user is at something else, or the page is a frame of another one. */
 export function focusPicture(canvas: HTMLCanvasElement): void {
-  const { activeElement } = document, isFree = !activeElement || activeElement === document.body || element('notice').contains(activeElement);
+  const { activeElement } = document;
+  const isFree = !activeElement || activeElement === document.body || element('notice').contains(activeElement);
   if (isFree && window.top === window) canvas.focus({ preventScroll: true, focusVisible: false } as FocusOptions);
 }

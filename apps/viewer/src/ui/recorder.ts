@@ -7,8 +7,10 @@ const BITS_PER_SECOND = 16e6;
 
 /** Records the canvas while `work` runs. Throws where the browser has no recorder for WebM. */
 export async function record(canvas: HTMLCanvasElement, work: () => Promise<void>): Promise<Blob> {
-  if (typeof MediaRecorder === 'undefined' || !MediaRecorder.isTypeSupported(TYPE)) throw new Error('This browser cannot record WebM (it has no MediaRecorder for it).');
-  const stream = canvas.captureStream(), recorder = new MediaRecorder(stream, { mimeType: TYPE, videoBitsPerSecond: BITS_PER_SECOND });
+  if (typeof MediaRecorder === 'undefined' || !MediaRecorder.isTypeSupported(TYPE))
+    throw new Error('This browser cannot record WebM (it has no MediaRecorder for it).');
+  const stream = canvas.captureStream();
+  const recorder = new MediaRecorder(stream, { mimeType: TYPE, videoBitsPerSecond: BITS_PER_SECOND });
   const parts: Blob[] = [];
   const ended = new Promise<void>((resolve, reject) => {
     recorder.ondataavailable = ({ data }) => parts.push(data);
@@ -18,7 +20,8 @@ export async function record(canvas: HTMLCanvasElement, work: () => Promise<void
   recorder.start();
   try {
     await work();
-    for (let i = 0; i < 2; ++i) await new Promise(requestAnimationFrame); // the last picture is captured when it is shown
+    // the last picture is captured when it is shown
+    for (let i = 0; i < 2; ++i) await new Promise(requestAnimationFrame);
   } finally {
     if (recorder.state !== 'inactive') recorder.stop();
     for (const track of stream.getTracks()) track.stop();

@@ -11,15 +11,25 @@ function isSoftware(adapter: { info?: GPUAdapterInfo; isFallbackAdapter?: boolea
   return adapter.info?.isFallbackAdapter ?? adapter.isFallbackAdapter ?? false;
 }
 
-/** Undefined where WebGL2 is to be used: WebGPU is not there, or draws in software. Throws RenderError where it is `wanted` and not there. */
+/**
+ * Undefined where WebGL2 is to be used: WebGPU is not there, or draws in software. Throws RenderError where it is
+ * `wanted` and not there.
+ */
 export async function findDevice(wanted: string | null): Promise<GPUDevice | undefined> {
-  if (wanted !== null && wanted !== 'webgl' && wanted !== 'webgpu') throw new RenderError(`The address says gpu=${wanted}; it can be webgl or webgpu.`);
-  const adapter = wanted === 'webgl' ? null : await navigator.gpu?.requestAdapter({ powerPreference: 'high-performance' }).catch(() => null);
+  if (wanted !== null && wanted !== 'webgl' && wanted !== 'webgpu')
+    throw new RenderError(`The address says gpu=${wanted}; it can be webgl or webgpu.`);
+  const adapter =
+    wanted === 'webgl'
+      ? null
+      : await navigator.gpu?.requestAdapter({ powerPreference: 'high-performance' }).catch(() => null);
   if (adapter && (wanted === 'webgpu' || !isSoftware(adapter))) {
     const { maxBufferSize, maxStorageBufferBindingSize } = adapter.limits;
-    const device = await adapter.requestDevice({ requiredLimits: { maxBufferSize, maxStorageBufferBindingSize } }).catch(() => undefined);
+    const device = await adapter
+      .requestDevice({ requiredLimits: { maxBufferSize, maxStorageBufferBindingSize } })
+      .catch(() => undefined);
     if (device) return device;
   }
-  if (wanted === 'webgpu') throw new RenderError('The address asks for WebGPU, which this browser does not offer here or has switched off.');
+  if (wanted === 'webgpu')
+    throw new RenderError('The address asks for WebGPU, which this browser does not offer here or has switched off.');
   return undefined;
 }

@@ -36,16 +36,55 @@ export function wgslType(type: string): string {
   if (array) return `array<${wgslType(array[1])}, (${array[2]})>`;
   if (isMatrix(type)) return `mat${type.at(-1)}x${type.at(-1)}f`;
   if (type in SCALARS) return SCALARS[type];
-  const component = componentOf(type), size = type.at(-1);
+  const component = componentOf(type);
+  const size = type.at(-1);
   return component === 'bool' ? `vec${size}<bool>` : `vec${size}${WGSL_LETTERS[component]}`;
 }
 
 /** The same names in both languages, for all numbers of components: the result is of the widest argument's type. */
-const COMPONENTWISE = new Set(['abs', 'sign', 'floor', 'ceil', 'fract', 'trunc', 'round', 'sqrt', 'exp', 'exp2', 'log', 'log2', 'sin', 'cos', 'tan', 'asin', 'acos', 'atan',
-  'sinh', 'cosh', 'tanh', 'radians', 'degrees', 'normalize', 'min', 'max', 'clamp', 'mix', 'step', 'smoothstep', 'pow', 'cross', 'reflect']);
+const COMPONENTWISE = new Set([
+  'abs',
+  'sign',
+  'floor',
+  'ceil',
+  'fract',
+  'trunc',
+  'round',
+  'sqrt',
+  'exp',
+  'exp2',
+  'log',
+  'log2',
+  'sin',
+  'cos',
+  'tan',
+  'asin',
+  'acos',
+  'atan',
+  'sinh',
+  'cosh',
+  'tanh',
+  'radians',
+  'degrees',
+  'normalize',
+  'min',
+  'max',
+  'clamp',
+  'mix',
+  'step',
+  'smoothstep',
+  'pow',
+  'cross',
+  'reflect',
+]);
 const SCALAR_RESULTS = new Set(['dot', 'length', 'distance']);
 const COMPARISONS: Record<string, string> = {
-  equal: '==', notEqual: '!=', lessThan: '<', lessThanEqual: '<=', greaterThan: '>', greaterThanEqual: '>=',
+  equal: '==',
+  notEqual: '!=',
+  lessThan: '<',
+  lessThanEqual: '<=',
+  greaterThan: '>',
+  greaterThanEqual: '>=',
 };
 const OTHERS: Record<string, { name: string; result: string }> = {
   unpackHalf2x16: { name: 'unpack2x16float', result: 'vec2' },
@@ -72,16 +111,27 @@ export function converted({ code, type }: Typed, component: string): string {
 
 /** A call of a built-in function; undefined where there is none of this name. */
 export function builtIn(name: string, values: Typed[]): Typed | undefined {
-  const list = values.map(({ code }) => code).join(', '), { type: first } = values[0] ?? { type: 'void' };
+  const list = values.map(({ code }) => code).join(', ');
+  const { type: first } = values[0] ?? { type: 'void' };
   if (name in OTHERS) return { code: `${OTHERS[name].name}(${list})`, type: OTHERS[name].result };
-  if (name in COMPARISONS) return { code: `(${values[0].code} ${COMPARISONS[name]} ${values[1].code})`, type: vectorOf('bool', sizeOf(first)!) };
+  if (name in COMPARISONS)
+    return {
+      code: `(${values[0].code} ${COMPARISONS[name]} ${values[1].code})`,
+      type: vectorOf('bool', sizeOf(first)!),
+    };
   if (SCALAR_RESULTS.has(name)) return { code: `${name}(${list})`, type: 'float' };
   if (name === 'inversesqrt') return { code: `inverseSqrt(${list})`, type: first };
-  if (name === 'mod') return { code: `(${values[0].code} - ${values[1].code} * floor(${values[0].code} / ${values[1].code}))`, type: first };
+  if (name === 'mod')
+    return {
+      code: `(${values[0].code} - ${values[1].code} * floor(${values[0].code} / ${values[1].code}))`,
+      type: first,
+    };
   if (name === 'mix' && componentOf(values[2].type) === 'bool') return { code: `select(${list})`, type: first };
   if (!COMPONENTWISE.has(name)) return undefined;
   const type = values.reduce((widest, value) => (sizeOf(value.type)! > sizeOf(widest)! ? value.type : widest), first);
   // WGSL wants all arguments of one size.
-  const same = values.map((value) => (value.type === type || sizeOf(type) === 1 ? value.code : `${wgslType(type)}(${value.code})`));
+  const same = values.map((value) =>
+    value.type === type || sizeOf(type) === 1 ? value.code : `${wgslType(type)}(${value.code})`,
+  );
   return { code: `${name === 'atan' && values.length === 2 ? 'atan2' : name}(${same.join(', ')})`, type };
 }

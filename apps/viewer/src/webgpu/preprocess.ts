@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of GLSL's preprocessor that shaders here use: #if, #elif, #else and #endif on constants, and the constants themselves.
+// The part of GLSL's preprocessor that shaders here use: #if, #elif, #else and #endif on constants, and the constants
+// themselves.
 
 import { evaluate } from '../format/expression';
 import type { Defines } from '../render/pass';
@@ -10,14 +11,21 @@ interface Branch {
   wasTaken: boolean;
 }
 
-/** The lines that `defines` select, with its values in place of its names; other lines are left empty. Throws Error where one is not understood. */
+/**
+ * The lines that `defines` select, with its values in place of its names; other lines are left empty. Throws Error
+ * where one is not understood.
+ */
 export function preprocess(source: string, defines: Defines): string {
   const values = Object.fromEntries(Object.entries(defines).map(([name, value]) => [name, Number(value)]));
   const branches: Branch[] = [];
   const isTaken = () => branches.every((branch) => branch.isTaken);
   const lines = source.split('\n').map((line) => {
-    const [, word, rest] = /^\s*#\s*(\w+)\s*(.*?)\s*(?:\/\/.*)?$/.exec(line) ?? [], branch = branches.at(-1);
-    if (word === undefined) return isTaken() ? line.replace(/\b[A-Za-z_]\w*\b/g, (name) => (Object.hasOwn(values, name) ? String(values[name]) : name)) : '';
+    const [, word, rest] = /^\s*#\s*(\w+)\s*(.*?)\s*(?:\/\/.*)?$/.exec(line) ?? [];
+    const branch = branches.at(-1);
+    if (word === undefined)
+      return isTaken()
+        ? line.replace(/\b[A-Za-z_]\w*\b/g, (name) => (Object.hasOwn(values, name) ? String(values[name]) : name))
+        : '';
     if (word === 'if') {
       const condition = isTaken() && evaluate(rest, values) !== 0;
       branches.push({ isTaken: condition, wasTaken: condition });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a file and a view to a picture by WebGPU: what is in the view, by depth; its colours; blending back to front; background and
-// photometric correction. All of it happens on the device, for every picture anew.
+// From a file and a view to a picture by WebGPU: what is in the view, by depth; its colours; blending back to front;
+// background and photometric correction. All of it happens on the device, for every picture anew.
 
 import type { View } from '../camera/view';
 import type { Scene } from '../format/ngsplat';
@@ -38,12 +38,25 @@ export class WebGpuRenderer implements SceneRenderer {
   private isUncounted = false;
   private isForgotten = false;
 
-  /** `failed` is called with a message where the device is lost or refuses something, `counted` when `drawn` is that of the last picture. */
-  constructor(private readonly device: GPUDevice, readonly canvas: HTMLCanvasElement, failed: (message: string) => void, private readonly counted: () => void) {
+  /**
+   * `failed` is called with a message where the device is lost or refuses something, `counted` when `drawn` is that of
+   * the last picture.
+   */
+  constructor(
+    private readonly device: GPUDevice,
+    readonly canvas: HTMLCanvasElement,
+    failed: (message: string) => void,
+    private readonly counted: () => void,
+  ) {
     const context = canvas.getContext('webgpu');
     if (!context) throw new RenderError('This canvas does not take WebGPU.');
     this.context = context;
-    context.configure({ device, format: TARGET_FORMATS.byte, usage: GPUTextureUsage.RENDER_ATTACHMENT, alphaMode: 'opaque' });
+    context.configure({
+      device,
+      format: TARGET_FORMATS.byte,
+      usage: GPUTextureUsage.RENDER_ATTACHMENT,
+      alphaMode: 'opaque',
+    });
     this.resolve = new ResolvePass(device);
     const fail = (message: string) => {
       if (!this.isForgotten) failed(message);
@@ -53,7 +66,8 @@ export class WebGpuRenderer implements SceneRenderer {
   }
 
   get deviceName(): string {
-    const { vendor, architecture, description } = (this.device.adapterInfo as GPUAdapterInfo | undefined) ?? {}; // older browsers have none
+    // older browsers have none
+    const { vendor, architecture, description } = (this.device.adapterInfo as GPUAdapterInfo | undefined) ?? {};
     return [vendor, architecture, description].filter(Boolean).join(' ') || 'an unnamed device';
   }
 
@@ -65,7 +79,8 @@ export class WebGpuRenderer implements SceneRenderer {
   beginScene(scene: Scene): void {
     this.clearScene();
     if (scene.count === 0) return;
-    const buffers = new SceneBuffers(this.device, scene), order = new DepthOrder(this.device, buffers.geometry, scene.count);
+    const buffers = new SceneBuffers(this.device, scene);
+    const order = new DepthOrder(this.device, buffers.geometry, scene.count);
     const colors = new ColorPass(this.device, buffers, order);
     this.parts = { buffers, order, colors, splats: new SplatPass(this.device, buffers, order, colors) };
   }
@@ -96,23 +111,34 @@ export class WebGpuRenderer implements SceneRenderer {
 
   async order(): Promise<Uint32Array> {
     if (!this.parts) return new Uint32Array();
-    const { order } = this.parts, [count] = await readWords(this.device, order.counts, DepthOrder.VISIBLE, 1);
+    const { order } = this.parts;
+    const [count] = await readWords(this.device, order.counts, DepthOrder.VISIBLE, 1);
     return readWords(this.device, order.order, 0, count);
   }
 
   get bytes(): number {
-    return this.parts ? this.parts.buffers.bytes + (DepthOrder.BYTES + ColorPass.BYTES) * this.parts.buffers.scene.count : 0;
+    return this.parts
+      ? this.parts.buffers.bytes + (DepthOrder.BYTES + ColorPass.BYTES) * this.parts.buffers.scene.count
+      : 0;
   }
 
   /** Everything up to the blended Gaussians. */
-  private blend(encoder: GPUCommandEncoder, view: View, mode: Mode, style: SplatStyle, precision: Precision): GPUTexture {
+  private blend(
+    encoder: GPUCommandEncoder,
+    view: View,
+    mode: Mode,
+    style: SplatStyle,
+    precision: Precision,
+  ): GPUTexture {
     let blended = this.blended[precision];
     if (blended?.width !== view.width || blended.height !== view.height) {
       blended?.destroy();
       blended = this.blended[precision] = target(this.device, precision, view.width, view.height);
     }
     this.color(encoder, view, mode, style, precision);
-    const pass = encoder.beginRenderPass({ colorAttachments: [{ view: blended.createView(), clearValue: [0, 0, 0, 0], loadOp: 'clear', storeOp: 'store' }] });
+    const pass = encoder.beginRenderPass({
+      colorAttachments: [{ view: blended.createView(), clearValue: [0, 0, 0, 0], loadOp: 'clear', storeOp: 'store' }],
+    });
     this.parts?.splats.draw(pass, view, style, precision);
     pass.end();
     return blended;
@@ -124,7 +150,8 @@ export class WebGpuRenderer implements SceneRenderer {
   }
 
   private draw(view: View, picture: Picture, to: GPUTexture, precision: Precision): void {
-    const encoder = this.device.createCommandEncoder(), blended = this.blend(encoder, view, picture.mode, picture.splats, precision);
+    const encoder = this.device.createCommandEncoder();
+    const blended = this.blend(encoder, view, picture.mode, picture.splats, precision);
     this.resolve.encode(encoder, blended, picture, this.parts?.buffers.scene.photometric?.response, to);
     this.device.queue.submit([encoder.finish()]);
   }
@@ -141,7 +168,9 @@ export class WebGpuRenderer implements SceneRenderer {
     this.isCounting = true;
     while (this.isUncounted && this.parts) {
       this.isUncounted = false;
-      const { parts } = this, [drawn] = await readWords(this.device, parts.order.counts, DepthOrder.VISIBLE, 1).catch(() => [0]); // the device was lost
+      const { parts } = this;
+      // the device was lost
+      const [drawn] = await readWords(this.device, parts.order.counts, DepthOrder.VISIBLE, 1).catch(() => [0]);
       if (this.parts !== parts) continue;
       this.drawn = drawn;
       this.counted();
@@ -169,6 +198,7 @@ export class WebGpuRenderer implements SceneRenderer {
   }
 
   timeColors(view: View): Promise<void> {
-    return this.time((encoder) => this.parts?.colors.encode(encoder, view, 'full', 'byte')); // in the order of the last frame
+    // in the order of the last frame
+    return this.time((encoder) => this.parts?.colors.encode(encoder, view, 'full', 'byte'));
   }
 }

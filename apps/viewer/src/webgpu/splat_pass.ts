@@ -18,7 +18,12 @@ import { translate } from './translate';
 
 export class SplatPass {
   private readonly parameters = new Parameters({
-    rotation: 'mat3', translation: 'vec3', intrinsics: 'vec4', size: 'vec2', splat_size: 'float', near_plane: 'float',
+    rotation: 'mat3',
+    translation: 'vec3',
+    intrinsics: 'vec4',
+    size: 'vec2',
+    splat_size: 'float',
+    near_plane: 'float',
   });
   private readonly view: GPUBuffer;
   private readonly pipelines: Partial<Record<Precision, GPURenderPipeline>> = {};
@@ -26,20 +31,30 @@ export class SplatPass {
   private readonly buffers: GPUBindGroup;
   private readonly code: string;
 
-  constructor(private readonly device: GPUDevice, private readonly scene: SceneBuffers, private readonly order: DepthOrder, colors: ColorPass) {
+  constructor(
+    private readonly device: GPUDevice,
+    private readonly scene: SceneBuffers,
+    private readonly order: DepthOrder,
+    colors: ColorPass,
+  ) {
     this.view = storage(device, this.parameters.bytes.byteLength);
     this.layout = bufferLayout(device, ['read', 'read', 'read', 'read'], GPUShaderStage.VERTEX);
     this.buffers = bind(device, this.layout, [this.view, scene.geometry, order.order, colors.colors]);
-    this.code = this.parameters.declaration('View') + splatsCode + translate(gaussianGlsl + splatGlsl + fragmentGlsl, splatDefines(scene.scene), this.parameters.known('view'));
+    this.code =
+      this.parameters.declaration('View') +
+      splatsCode +
+      translate(gaussianGlsl + splatGlsl + fragmentGlsl, splatDefines(scene.scene), this.parameters.known('view'));
   }
 
   private pipeline(precision: Precision): GPURenderPipeline {
     const over = { srcFactor: 'one', dstFactor: 'one-minus-src-alpha', operation: 'add' } as const;
-    const code = `const kEightBits = ${isInBytes(this.scene.scene, precision)};\n${this.code}`, format = TARGET_FORMATS[precision];
+    const code = `const kEightBits = ${isInBytes(this.scene.scene, precision)};\n${this.code}`;
+    const format = TARGET_FORMATS[precision];
     return once(this.device, JSON.stringify([format, code]), () => {
       const module = shaderModule(this.device, code);
       return this.device.createRenderPipeline({
-        layout: this.device.createPipelineLayout({ bindGroupLayouts: [this.layout] }), vertex: { module, entryPoint: 'corner' },
+        layout: this.device.createPipelineLayout({ bindGroupLayouts: [this.layout] }),
+        vertex: { module, entryPoint: 'corner' },
         fragment: { module, entryPoint: 'blend', targets: [{ format, blend: { color: over, alpha: over } }] },
         primitive: { topology: 'triangle-strip' },
       });

@@ -1,12 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// From GLSL to WGSL, in one pass over the text: functions, constants and variables, without what connects a shader to the page. README.md says
-// which part of GLSL this is. Every name gets an underscore, so that none is a word of WGSL or stands for something else around it.
+// From GLSL to WGSL, in one pass over the text: functions, constants and variables, without what connects a shader to
+// the page. README.md says which part of GLSL this is. Every name gets an underscore, so that none is a word of WGSL or
+// stands for something else around it.
 
 import type { Defines } from '../render/pass';
-import { builtIn, componentOf, converted, elementOf, isMatrix, isType, sizeOf, vectorOf, wgslType, type Typed } from './glsl_types';
+import {
+  builtIn,
+  componentOf,
+  converted,
+  elementOf,
+  isMatrix,
+  isType,
+  sizeOf,
+  vectorOf,
+  wgslType,
+  type Typed,
+} from './glsl_types';
 import { preprocess } from './preprocess';
 
-/** Something that the GLSL may call or read, and that stands elsewhere: of a function, `parameters` are the types that it takes. */
+/**
+ * Something that the GLSL may call or read, and that stands elsewhere: of a function, `parameters` are the types that
+ * it takes.
+ */
 export interface Known extends Typed {
   parameters?: { type: string; isOut: boolean }[];
 }
@@ -17,8 +32,20 @@ interface Value extends Typed {
   components?: { of: string; names: string };
 }
 
-const TOKEN = /\s+|\/\/.*|\/\*[^]*?\*\/|((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?[uUfF]?|\w+|<<=|>>=|[-+*/%&|^=!<>]=|\+\+|--|<<|>>|&&|\|\||\S)/gy;
-const BINARY = [['||'], ['&&'], ['|'], ['^'], ['&'], ['==', '!='], ['<', '>', '<=', '>='], ['<<', '>>'], ['+', '-'], ['*', '/', '%']];
+const TOKEN =
+  /\s+|\/\/.*|\/\*[^]*?\*\/|((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?[uUfF]?|\w+|<<=|>>=|[-+*/%&|^=!<>]=|\+\+|--|<<|>>|&&|\|\||\S)/gy;
+const BINARY = [
+  ['||'],
+  ['&&'],
+  ['|'],
+  ['^'],
+  ['&'],
+  ['==', '!='],
+  ['<', '>', '<=', '>='],
+  ['<<', '>>'],
+  ['+', '-'],
+  ['*', '/', '%'],
+];
 const LOGICAL = new Set(['||', '&&', '==', '!=', '<', '>', '<=', '>=']);
 const ASSIGNMENTS = ['=', '+=', '-=', '*=', '/=', '%=', '&=', '|=', '^=', '<<=', '>>='];
 const QUALIFIERS = ['const', 'in', 'highp', 'mediump', 'lowp'];
@@ -46,7 +73,9 @@ class Translator {
   }
 
   private fail(what: string): never {
-    throw new Error(`line ${this.tokens[Math.min(this.at, this.tokens.length - 1)]?.line ?? 1} of the GLSL cannot be translated: ${what}`);
+    throw new Error(
+      `line ${this.tokens[Math.min(this.at, this.tokens.length - 1)]?.line ?? 1} of the GLSL cannot be translated: ${what}`,
+    );
   }
 
   private take(): string {
@@ -65,7 +94,7 @@ class Translator {
   }
 
   private find(name: string): Known {
-    for (let i = this.scopes.length; i-- > 0; ) {
+    for (let i = this.scopes.length; i-- > 0;) {
       const found = this.scopes[i].get(name);
       if (found) return found;
     }
@@ -109,8 +138,10 @@ class Translator {
 
   private construct(type: string): Value {
     this.expect('(');
-    const values = this.list(')'), size = sizeOf(type);
-    if (size === undefined) return { code: `${wgslType(type)}(${values.map(({ code }) => code).join(', ')})`, type }; // of an array or a matrix
+    const values = this.list(')');
+    const size = sizeOf(type);
+    // of an array or a matrix
+    if (size === undefined) return { code: `${wgslType(type)}(${values.map(({ code }) => code).join(', ')})`, type };
     const component = componentOf(type);
     if (size === 1 && sizeOf(values[0].type) !== 1) this.fail(`${type} of ${values[0].type}`);
     if (size === 1) return { code: `${wgslType(type)}(${values[0].code})`, type };
@@ -119,9 +150,11 @@ class Translator {
 
   private call(name: string): Value {
     this.expect('(');
-    const values = this.list(')'), known = this.scopes[0].get(name);
+    const values = this.list(')');
+    const known = this.scopes[0].get(name);
     if (!known?.parameters) return builtIn(name, values) ?? this.fail(`the function '${name}' is not known`);
-    if (values.length !== known.parameters.length) this.fail(`'${name}' takes ${known.parameters.length} values, not ${values.length}`);
+    if (values.length !== known.parameters.length)
+      this.fail(`'${name}' takes ${known.parameters.length} values, not ${values.length}`);
     const passed = values.map(({ code }, i) => (known.parameters![i].isOut ? `&${code}` : code));
     return { code: `${known.code}(${passed.join(', ')})`, type: known.type };
   }
@@ -133,7 +166,8 @@ class Translator {
       return { code: value.code, type: value.type }; // has brackets already where it needs them
     }
     if (/^[.\d]/.test(this.next)) {
-      const text = this.take(), type = /[uU]$/.test(text) ? 'uint' : /[.eE]/.test(text) ? 'float' : 'int';
+      const text = this.take();
+      const type = /[uU]$/.test(text) ? 'uint' : /[.eE]/.test(text) ? 'float' : 'int';
       return { code: type === 'uint' ? text.toLowerCase() : text.replace(/[fF]$/, ''), type };
     }
     if (this.next === 'true' || this.next === 'false') return { code: this.take(), type: 'bool' };
@@ -148,13 +182,18 @@ class Translator {
     let value = this.primary();
     for (;;) {
       if (this.accept('[')) {
-        const index = this.expression().code, element = elementOf(value.type) ?? this.fail(`${value.type} has no elements`);
+        const index = this.expression().code;
+        const element = elementOf(value.type) ?? this.fail(`${value.type} has no elements`);
         this.expect(']');
         value = { code: `${value.code}[${index}]`, type: element };
       } else if (this.accept('.')) {
         const names = [...this.name()].map((letter) => COMPONENTS[letter] ?? letter).join('');
         const type = vectorOf(componentOf(value.type), names.length);
-        value = { code: `${value.code}.${names}`, type, ...(names.length > 1 ? { components: { of: value.code, names } } : {}) };
+        value = {
+          code: `${value.code}.${names}`,
+          type,
+          ...(names.length > 1 ? { components: { of: value.code, names } } : {}),
+        };
       } else if (this.next === '++' || this.next === '--') {
         if (!this.behind) this.fail(`'${this.next}' is understood in statements only`);
         this.behind.push(`${value.code} ${this.take()[0]}= 1;`);
@@ -164,7 +203,8 @@ class Translator {
 
   private unary(): Value {
     if (!['-', '+', '!', '~'].includes(this.next)) return this.postfix();
-    const operator = this.take(), { code, type } = this.unary();
+    const operator = this.take();
+    const { code, type } = this.unary();
     return operator === '+' ? { code, type } : { code: `(${operator}${code})`, type };
   }
 
@@ -176,9 +216,13 @@ class Translator {
   }
 
   private combined(left: Value, operator: string, right: Value): Value {
-    // WGSL has the same operators on scalars, vectors and matrices, but shifts by unsigned numbers only, and wants brackets in mixtures.
+    // WGSL has the same operators on scalars, vectors and matrices, but shifts by unsigned numbers only, and wants
+    // brackets in mixtures.
     const by = operator === '<<' || operator === '>>' ? converted(right, 'uint') : right.code;
-    return { code: `(${left.code} ${operator} ${by})`, type: LOGICAL.has(operator) ? 'bool' : resultOf(left.type, right.type, operator) };
+    return {
+      code: `(${left.code} ${operator} ${by})`,
+      type: LOGICAL.has(operator) ? 'bool' : resultOf(left.type, right.type, operator),
+    };
   }
 
   private expression(): Value {
@@ -203,10 +247,12 @@ class Translator {
       if (this.behind?.length) return this.behind.pop()!.slice(0, -1); // i++ by itself
       return to.code;
     }
-    const operator = this.take(), value = this.expression();
+    const operator = this.take();
+    const value = this.expression();
     const isShift = operator === '<<=' || operator === '>>=';
     if (!to.components) return `${to.code} ${operator} ${isShift ? converted(value, 'uint') : value.code}`;
-    const { of, names } = to.components, all = operator === '=' ? value.code : this.combined(to, operator.slice(0, -1), value).code;
+    const { of, names } = to.components;
+    const all = operator === '=' ? value.code : this.combined(to, operator.slice(0, -1), value).code;
     return `{ let parts = ${all}; ${[...names].map((name, i) => `${of}.${name} = parts.${'xyzw'[i]};`).join(' ')} }`;
   }
 
@@ -214,7 +260,9 @@ class Translator {
   private variables(type: string, how: string): string {
     const all: string[] = [];
     do {
-      const name = this.name(), whole = this.dimension(type), value = this.accept('=') ? ` = ${this.expression().code}` : '';
+      const name = this.name();
+      const whole = this.dimension(type);
+      const value = this.accept('=') ? ` = ${this.expression().code}` : '';
       this.declare(name, { code: `${name}_`, type: whole });
       all.push(`${how} ${name}_: ${wgslType(whole)}${value};`);
     } while (this.accept(','));
@@ -222,7 +270,9 @@ class Translator {
   }
 
   private get isDeclaration(): boolean {
-    return QUALIFIERS.includes(this.next) || (isType(this.next) && /^[A-Za-z_]/.test(this.tokens[this.at + 1]?.text ?? ''));
+    return (
+      QUALIFIERS.includes(this.next) || (isType(this.next) && /^[A-Za-z_]/.test(this.tokens[this.at + 1]?.text ?? ''))
+    );
   }
 
   private simple(): string {
@@ -234,7 +284,8 @@ class Translator {
   /** A statement that other ones may follow, and what comes behind it. */
   private finished(): string {
     this.behind = [];
-    const code = this.simple(), all = [code, ...this.behind].join(' ');
+    const code = this.simple();
+    const all = [code, ...this.behind].join(' ');
     this.behind = undefined;
     this.expect(';');
     return all;
@@ -260,7 +311,8 @@ class Translator {
     if (this.next === '{') return this.block();
     if (this.accept(';')) return '';
     if (this.accept('if')) {
-      const condition = this.condition(), yes = this.block();
+      const condition = this.condition();
+      const yes = this.block();
       return `if (${condition}) ${yes}${this.accept('else') ? ` else ${this.block()}` : ''}`;
     }
     if (this.accept('while')) return `while (${this.condition()}) ${this.block()}`;
@@ -298,14 +350,19 @@ class Translator {
     while (!this.accept(')')) {
       if (parameters.length > 0) this.expect(',');
       if (this.next === 'inout') this.fail("'inout'");
-      const isOut = this.accept('out'), base = this.type(), parameter = this.name();
+      const isOut = this.accept('out');
+      const base = this.type();
+      const parameter = this.name();
       parameters.push({ type: this.dimension(base), isOut, name: parameter });
     }
     this.declare(name, { code: `${name}_`, type, parameters });
     if (this.accept(';')) return ''; // is defined elsewhere
-    const head = parameters.map((one) => `${one.name}_in: ${one.isOut ? `ptr<function, ${wgslType(one.type)}>` : wgslType(one.type)}`).join(', ');
+    const head = parameters
+      .map((one) => `${one.name}_in: ${one.isOut ? `ptr<function, ${wgslType(one.type)}>` : wgslType(one.type)}`)
+      .join(', ');
     return this.inScope(() => {
-      for (const one of parameters) this.declare(one.name, { code: one.isOut ? `(*${one.name}_in)` : `${one.name}_`, type: one.type });
+      for (const one of parameters)
+        this.declare(one.name, { code: one.isOut ? `(*${one.name}_in)` : `${one.name}_`, type: one.type });
       // GLSL may write to its parameters, and index those that are arrays.
       const copies = parameters.filter((one) => !one.isOut).map((one) => `var ${one.name}_ = ${one.name}_in;`);
       return `fn ${name}_(${head})${type === 'void' ? '' : ` -> ${wgslType(type)}`} {\n${[...copies, this.block()].join('\n')}\n}`;
@@ -315,7 +372,8 @@ class Translator {
   program(): string {
     const all: string[] = [];
     while (this.at < this.tokens.length) {
-      const isConstant = this.next === 'const', type = this.type();
+      const isConstant = this.next === 'const';
+      const type = this.type();
       if (this.tokens[this.at + 1]?.text === '(') {
         const name = this.name();
         this.expect('(');
@@ -335,7 +393,10 @@ function resultOf(left: string, right: string, operator: string): string {
   return (sizeOf(right) ?? 0) > (sizeOf(left) ?? 0) ? right : left;
 }
 
-/** WGSL of the same functions, constants and variables. `known` is what the GLSL uses of others. Throws Error saying which line is not understood. */
+/**
+ * WGSL of the same functions, constants and variables. `known` is what the GLSL uses of others. Throws Error saying
+ * which line is not understood.
+ */
 export function translate(glsl: string, defines: Defines, known: Record<string, Known> = {}): string {
   return new Translator(preprocess(glsl, defines), known).program();
 }

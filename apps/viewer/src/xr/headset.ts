@@ -25,10 +25,16 @@ export interface WornPage {
 
 const MODE = 'immersive-vr';
 /** Metres a second by a stick, degrees of a turn, how fast sizes change, and from where on a stick counts. */
-const SPEED = 2, TURN = 30, GROWTH = 1, DEAD = 0.15, PUSHED = 0.7;
+const SPEED = 2;
+const TURN = 30;
+const GROWTH = 1;
+const DEAD = 0.15;
+const PUSHED = 0.7;
 
 /** A method of three.js that its types leave out: a target stands for a framebuffer, null for the canvas. */
-type ForeignTargets = WebGLRenderer & { setRenderTargetFramebuffer(target: WebGLRenderTarget, framebuffer: WebGLFramebuffer | null): void };
+type ForeignTargets = WebGLRenderer & {
+  setRenderTargetFramebuffer(target: WebGLRenderTarget, framebuffer: WebGLFramebuffer | null): void;
+};
 
 const button = element<HTMLButtonElement>('enter-vr');
 
@@ -73,7 +79,8 @@ export class Headset {
   }
 
   private async begin(session: XRSession): Promise<void> {
-    const { webgl } = this.page.webGl(), gl = webgl.getContext() as WebGL2RenderingContext;
+    const { webgl } = this.page.webGl();
+    const gl = webgl.getContext() as WebGL2RenderingContext;
     await gl.makeXRCompatible();
     const layer = new XRWebGLLayer(session, gl, { alpha: false, antialias: false, depth: false });
     await session.updateRenderState({ baseLayer: layer });
@@ -97,14 +104,19 @@ export class Headset {
     const { session, space, target } = this;
     if (!session || !space || !target) return;
     session.requestAnimationFrame(this.draw);
-    const model = this.page.model(), pose = frame.getViewerPose(space), layer = session.renderState.baseLayer;
+    const model = this.page.model();
+    const pose = frame.getViewerPose(space);
+    const layer = session.renderState.baseLayer;
     if (!model || !pose || !layer) return;
-    const { position: p, orientation: q } = pose.transform, head = { position: new Vector3(p.x, p.y, p.z), orientation: new Quaternion(q.x, q.y, q.z, q.w) };
+    const { position: p, orientation: q } = pose.transform;
+    const head = { position: new Vector3(p.x, p.y, p.z), orientation: new Quaternion(q.x, q.y, q.z, q.w) };
     this.place ??= placeAt(model.position, model.target, model.up, head);
     this.move(this.place, session, head, this.lastTime ? Math.min(0.1, (time - this.lastTime) / 1000) : 0);
     this.lastTime = time;
     const eyes = pose.views.map((eye) => ({ eye, port: layer.getViewport(eye)! }));
-    const views = eyes.map(({ eye, port }) => eyeView(this.place!, eye.transform.matrix, eye.projectionMatrix, port.width, port.height));
+    const views = eyes.map(({ eye, port }) =>
+      eyeView(this.place!, eye.transform.matrix, eye.projectionMatrix, port.width, port.height),
+    );
     this.page.sort(headView(views));
     const renderer = this.page.webGl();
     (renderer.webgl as ForeignTargets).setRenderTargetFramebuffer(target, layer.framebuffer);
@@ -121,7 +133,11 @@ export class Headset {
       const [x, y] = [2, 3].map((k) => gamepad?.axes[k] ?? 0).map((value) => (Math.abs(value) < DEAD ? 0 : value));
       if (handedness !== 'right') {
         const ahead = new Vector3(0, 0, -1).applyQuaternion(head.orientation).setY(0).normalize();
-        const step = ahead.clone().multiplyScalar(-y).addScaledVector(ahead.cross(UP), x).multiplyScalar(SPEED * seconds);
+        const step = ahead
+          .clone()
+          .multiplyScalar(-y)
+          .addScaledVector(ahead.cross(UP), x)
+          .multiplyScalar(SPEED * seconds);
         place.position.copy(pointIn(place, step));
         continue;
       }
