@@ -100,17 +100,6 @@ void bench_scene(const TrainArguments& train, const BenchArguments& arguments) {
 
 }  // namespace
 
-std::vector<std::string> with_bench_subcommand(std::vector<std::string> words) {
-    if (words.empty() || words.front() != "bench") return words;
-    for (const std::string& word : words)
-        for (const char* name : {"frames", "suite", "precision", "stability"}) {
-            if (word.substr(0, word.find('=')) != std::string("--") + name) continue;
-            words.insert(words.begin() + 1, name);
-            return words;
-        }
-    return words;
-}
-
 void add_repeat_option(CLI::App& command, BenchRepeats& repeats) {
     command
         .add_option("--repeat", repeats.repeat, "Iterations in one measurement (default: 100 on a GPU, 20 on the CPU)")

@@ -20,11 +20,6 @@ void add_bench_suite_command(CLI::App& bench, Command& selected);
 void add_bench_precision_command(CLI::App& bench, Command& selected);
 void add_bench_stability_command(CLI::App& bench, Command& selected);
 
-/// Returns the command line (without the program's name) with `bench --frames`, `--suite`, `--precision` or
-/// `--stability` spelled as the subcommand, `bench frames --frames`; others unchanged. Each subcommand knows its own
-/// old spelling.
-std::vector<std::string> with_bench_subcommand(std::vector<std::string> words);
-
 /// The values of --repeat and --frame-repeat.
 struct BenchRepeats {
     int repeat = 0, frame_repeat = 0;  ///< 0 = by device

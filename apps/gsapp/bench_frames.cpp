@@ -16,7 +16,7 @@ namespace gs {
 namespace {
 
 struct FramesArguments {
-    std::vector<std::string> runs, runs_of_old_spelling;
+    std::vector<std::string> runs;
     std::int64_t iteration = -1;
     std::vector<std::int64_t> generate;
     std::vector<std::string> appearances;  ///< empty = all
@@ -25,9 +25,7 @@ struct FramesArguments {
 };
 
 void bench_frames(const TrainArguments& train, const FramesArguments& arguments) {
-    std::vector<std::string> runs = arguments.runs;
-    for (const std::string& run : arguments.runs_of_old_spelling)
-        if (!run.empty()) runs.push_back(run);  // CLI11 gives "" for an option without a value
+    const std::vector<std::string>& runs = arguments.runs;
     const TrainOptions options = train.resolve({.stored_run = false, .default_source = "generated"});
     prepare_bench(options);
     if (runs.empty() && arguments.generate.empty())
@@ -64,9 +62,6 @@ void add_bench_frames_command(CLI::App& bench, Command& selected) {
     // Declared before the scene, which may stand without a flag, too.
     command->add_option("runs", arguments->runs, "Run folders, or .ply files with the scene of their views in -s")
         ->type_name("RUN|FILE.ply");
-    command->add_option("--frames", arguments->runs_of_old_spelling)
-        ->expected(0, CLI::detail::expected_max_vector_size)
-        ->group("");
     const auto train = std::make_shared<TrainArguments>(*command);
     add_iteration_option(*command, arguments->iteration);
     add_generate_option(*command, arguments->generate);

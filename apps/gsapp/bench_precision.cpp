@@ -41,7 +41,6 @@ void add_bench_precision_command(CLI::App& bench, Command& selected) {
     const auto arguments = std::make_shared<PrecisionArguments>();
     add_point_cloud_option(*command, arguments->file);
     const auto train = std::make_shared<TrainArguments>(*command);
-    command->add_flag("--precision")->group("");  // the old spelling of the subcommand
     add_repeat_option(*command, arguments->repeats);
     add_frame_repeat_option(*command, arguments->repeats);
     add_iteration_option(*command, arguments->iteration);

@@ -13,7 +13,6 @@ void add_bench_stability_command(CLI::App& bench, Command& selected) {
     CLI::App* command = bench.add_subcommand(
         "stability",
         "Measure the numerical errors of every appearance model at extreme inputs; needs no scene and no GPU");
-    command->add_flag("--stability")->group("");  // the old spelling of the subcommand
     const auto json = std::make_shared<bool>(false);
     add_json_flag(*command, *json);
     command->add_flag("-q,--quiet")->description("Taken as by the other commands; there are no messages here");

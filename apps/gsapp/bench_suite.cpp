@@ -43,8 +43,8 @@ void add_bench_suite_command(CLI::App& bench, Command& selected) {
         "Train the runs of an experiment, one at a time or one on each GPU, and print a table of them; "
         "finished ones in -m FOLDER are kept");
     const auto arguments = std::make_shared<SuiteArguments>();
-    // --suite is the old spelling. The name is declared before the scene, which may stand without a flag, too.
-    command->add_option("name,--suite", arguments->suite, "The experiment")->check(CLI::IsMember(suite_names()));
+    // Declared before the scene, which may stand without a flag, too.
+    command->add_option("name", arguments->suite, "The experiment")->check(CLI::IsMember(suite_names()));
     const auto train = std::make_shared<TrainArguments>(*command);
     command
         ->add_option("--appearances", arguments->appearances,

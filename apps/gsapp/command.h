@@ -20,7 +20,6 @@ void add_prepare_command(CLI::App& app, Command& selected);
 void add_bench_command(CLI::App& app, Command& selected);
 void add_tradeoff_command(CLI::App& app, Command& selected);
 void add_metrics_command(CLI::App& app, Command& selected);
-void add_prune_appearance_command(CLI::App& app, Command& selected);
 void add_options_command(CLI::App& app, Command& selected);
 void add_doctor_command(CLI::App& app, Command& selected);
 void add_completions_command(CLI::App& app, Command& selected);

@@ -109,14 +109,13 @@ int run(int argc, char** argv) {
     add_bench_command(app, selected);
     add_tradeoff_command(app, selected);
     add_metrics_command(app, selected);
-    add_prune_appearance_command(app, selected);
     add_options_command(app, selected);
     add_doctor_command(app, selected);
     add_completions_command(app, selected);
     add_manual_command(app, selected);
     require_decimal_numbers(app);
     try {
-        std::vector<std::string> words = with_foreign_command(with_bench_subcommand({argv + 1, argv + argc}));
+        std::vector<std::string> words = with_foreign_command({argv + 1, argv + argc});
         std::reverse(words.begin(), words.end());  // as CLI11 takes them
         app.parse(std::move(words));
     } catch (const CLI::Success& help_or_version) {

@@ -91,7 +91,7 @@ void add_prepare_command(CLI::App& app, Command& selected) {
         ->check(CLI::IsMember({"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE",
                                "FULL_OPENCV", "FOV", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"}));
     command
-        ->add_option("--matching,--matcher", options->matching,
+        ->add_option("--matching", options->matching,
                      "Pairs to compare. exhaustive: all; sequential: neighbours in the order of names; vocab-tree: "
                      "those that look alike; auto: by number and names")
         ->capture_default_str()

@@ -44,8 +44,6 @@ enum class AppearanceStorage { kFp32, kFp16 };
 enum class AppearanceMoments { kFp32, kBf16 };
 /// The Gaussians that take a step of the optimizer; kVisible: those that its view shows.
 enum class Movers { kAll, kVisible };
-/// The least important messages that are shown.
-enum class LogLevel { kTrace, kDebug, kInfo, kWarn, kError };
 
 /// The words of an enum's values, in the order of the values; empty for types that are no choice.
 template <class T> inline constexpr std::array<std::string_view, 0> kWordsOf = {};
@@ -64,8 +62,6 @@ template <> inline constexpr auto kWordsOf<AlphaMode> = std::to_array<std::strin
 template <> inline constexpr auto kWordsOf<AppearanceStorage> = std::to_array<std::string_view>({"fp32", "fp16"});
 template <> inline constexpr auto kWordsOf<Movers> = std::to_array<std::string_view>({"all", "visible"});
 template <> inline constexpr auto kWordsOf<AppearanceMoments> = std::to_array<std::string_view>({"fp32", "bf16"});
-template <>
-inline constexpr auto kWordsOf<LogLevel> = std::to_array<std::string_view>({"trace", "debug", "info", "warn", "error"});
 template <>
 inline constexpr auto kWordsOf<ColorActivation> = std::to_array<std::string_view>({"relu", "softplus", "sigmoid",
                                                                                    "hardsigmoid"});

@@ -65,20 +65,18 @@ std::string input_fault(const fs::path& path) {
     return {};
 }
 
-std::ifstream open_input(const fs::path& path, LogLevel message) {
+std::ifstream open_input(const fs::path& path, bool is_noted) {
     if (const std::string fault = input_fault(path); !fault.empty()) fail(path, "cannot be read: " + fault);
     std::ifstream in(path, std::ios::binary);
     if (!in) fail(path, fmt::format("cannot be read: {}", std::strerror(errno)));
-    const std::string name = path.string();
-    log_message(message, "reading {}", fmt::make_format_args(name));
+    if (is_noted) log_debug("reading {}", path.string());
     return in;
 }
 
-std::string read_input(const fs::path& path, LogLevel message) {
+std::string read_input(const fs::path& path) {
     if (const std::string fault = input_fault(path); !fault.empty()) fail(path, "cannot be read: " + fault);
     const OpenFile file(path);
-    const std::string name = path.string();
-    log_message(message, "reading {}", fmt::make_format_args(name));
+    log_debug("reading {}", path.string());
     struct stat status = {};
     if (::fstat(file.fd, &status) != 0) fail(path, fmt::format("cannot be read: {}", std::strerror(errno)));
     // Read until the file ends, because its stated size may be another one: it is 0 for all files of /proc.

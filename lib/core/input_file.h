@@ -9,21 +9,19 @@
 #include <string>
 #include <vector>
 
-#include "lib/core/choices.h"
-
 namespace gs {
 
 /// Returns why `path` cannot be read as an input file ("No such file or directory", "it is a named pipe (FIFO), not a
 /// regular file", ...), and an empty string where it can. Never waits for a pipe or a device.
 std::string input_fault(const std::filesystem::path& path);
 
-/// Opens a regular file for reading, in binary mode, and says so in a message of level `message`. Throws DataError
+/// Opens a regular file for reading, in binary mode, and says so in a message if `is_noted`. Throws DataError
 /// "PATH: cannot be read: REASON". It is for files that are read in parts: whoever reads them must look at bad()
 /// afterwards, because a stream ends at an error of the disk as it does at the end of the file.
-std::ifstream open_input(const std::filesystem::path& path, LogLevel message = LogLevel::kDebug);
+std::ifstream open_input(const std::filesystem::path& path, bool is_noted = true);
 
 /// Reads a whole regular file. Throws DataError as `open_input` does, also when reading fails half way.
-std::string read_input(const std::filesystem::path& path, LogLevel message = LogLevel::kDebug);
+std::string read_input(const std::filesystem::path& path);
 
 /// Reads a text in UTF-8 without the byte order mark that editors on Windows put before it. Throws DataError as
 /// `read_input` does, and for UTF-16, which such editors call Unicode.

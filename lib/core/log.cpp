@@ -17,6 +17,16 @@
 
 namespace gs {
 
+namespace {
+
+spdlog::level::level_enum level_of(LogLevel level) {
+    constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::debug, spdlog::level::info, spdlog::level::warn,
+                                                     spdlog::level::err};
+    return kLevels[int(level)];
+}
+
+}  // namespace
+
 void setup_log(LogLevel level) {
     auto sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
     // On a terminal a message first erases the progress line; the bar is drawn again below it.
@@ -24,7 +34,7 @@ void setup_log(LogLevel level) {
     if (const char* no_color = std::getenv("NO_COLOR"); no_color && *no_color)  // https://no-color.org
         sink->set_color_mode(spdlog::color_mode::never);
     auto logger = std::make_shared<spdlog::logger>("gsapp", sink);
-    const auto shown = spdlog::level::from_str(word(level));
+    const auto shown = level_of(level);
     sink->set_level(shown);
     logger->set_level(shown);
     logger->flush_on(spdlog::level::info);
@@ -37,10 +47,7 @@ void setup_log(LogLevel level) {
 }
 
 void log_message(LogLevel level, fmt::string_view format, fmt::format_args arguments) {
-    constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::trace, spdlog::level::debug, spdlog::level::info,
-                                                     spdlog::level::warn, spdlog::level::err};
-    const auto spdlog_level = kLevels[int(level)];
-    if (spdlog::should_log(spdlog_level)) spdlog::log(spdlog_level, "{}", fmt::vformat(format, arguments));
+    if (spdlog::should_log(level_of(level))) spdlog::log(level_of(level), "{}", fmt::vformat(format, arguments));
 }
 
 void add_log_file(const std::filesystem::path& file) {

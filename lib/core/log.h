@@ -6,9 +6,9 @@
 
 #include <filesystem>
 
-#include "lib/core/choices.h"
-
 namespace gs {
+
+enum class LogLevel { kDebug, kInfo, kWarn, kError };
 
 /// Sends messages of `level` and above to stderr through spdlog's default logger. Replaces an earlier set-up.
 void setup_log(LogLevel level);

@@ -294,7 +294,7 @@ void check_option(const Option& option, const TrainOptions& options) {
 
 LogLevel shown_messages(const TrainOptions& options) {
     if (options.quiet) return LogLevel::kWarn;
-    return options.verbose ? LogLevel::kDebug : options.log_level;
+    return options.verbose ? LogLevel::kDebug : LogLevel::kInfo;
 }
 
 void validate(TrainOptions& options) {

@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "lib/core/log.h"
 #include "lib/core/train_options.h"
 
 namespace gs {
@@ -24,7 +25,7 @@ template <class... T> using FieldOf = std::variant<T TrainOptions::*..., ModelOp
 using OptionField =
     FieldOf<std::string, bool, int, std::int64_t, std::uint64_t, double, std::vector<std::int64_t>, Background,
             ScheduleKind, GrowthBy, Recipe, Preset, SizeOf, Strategy, Device, PpispMode, VerifyImages, MaskMode,
-            AlphaMode, AppearanceStorage, AppearanceMoments, Movers, LogLevel, ColorActivation>;
+            AlphaMode, AppearanceStorage, AppearanceMoments, Movers, ColorActivation>;
 
 /// Returns the value that `field` names in `options`.
 template <class T> const T& option_value(const TrainOptions& options, T TrainOptions::*field) { return options.*field; }
@@ -74,7 +75,7 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
 /// Checks one value against the table and the rules of its option. Throws UsageError naming option, value and range.
 void check_option(const Option& option, const TrainOptions& options);
 
-/// What quiet, verbose and log-level say together.
+/// Returns the least important messages that are shown.
 LogLevel shown_messages(const TrainOptions& options);
 
 /// Checks every value against the table and the few rules between options, gives options that were not named the values

@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <set>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
+#include "lib/core/log.h"
 #include "lib/core/nearest.h"
 #include "lib/core/options.h"
 #include "lib/core/utf8.h"
@@ -32,6 +34,21 @@ YAML::Node parse_file(const fs::path& file) {
     } catch (const YAML::Exception& e) {
         throw UsageError(fmt::format("{}:{}: not valid YAML: {}", file.string(), e.mark.line + 1, e.msg));
     }
+}
+
+/// Options of earlier versions, which stand in the config.yaml of their runs, and the values that mean nothing.
+constexpr std::pair<std::string_view, std::string_view> kFormerOptions[] = {
+    {"hostile-start", "0"}, {"separate-appearance", "false"}, {"log-level", "info"}};
+
+/// Returns whether the key is that of a former option, which is left out, with a warning if it meant something.
+bool is_former(const std::string& key, const YAML::Node& value, const std::string& where) {
+    for (const auto& [former, nothing] : kFormerOptions) {
+        if (key != former) continue;
+        if (!value.IsScalar() || value.Scalar() != nothing)
+            log_warning("{}: {} is an option of earlier versions, which is ignored", where, key);
+        return true;
+    }
+    return false;
 }
 
 const Option& find_option(const std::string& key, const std::string& where) {
@@ -61,6 +78,7 @@ const char* kind_of(const YAML::Node& node) {
 void apply_entry(TrainOptions& options, const fs::path& file, const std::string& key, const YAML::Node& key_node,
                  const YAML::Node& value) {
     const std::string where = fmt::format("{}: {}", place(file, key_node), key);
+    if (is_former(key, value, place(file, key_node))) return;
     const Option& option = find_option(key, place(file, key_node));
     const bool wants_list = std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field);
     std::vector<std::string> texts;

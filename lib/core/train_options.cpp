@@ -150,9 +150,6 @@ std::vector<Option> run_options() {
         flag("deterministic", &O::deterministic,
              "on the GPU: add in a fixed order, slower, so that runs with equal options give equal bytes on one GPU; "
              "the CPU always does"),
-        flag("separate-appearance", &O::separate_appearance,
-             "on the GPU: evaluate appearance in kernels of its own instead of within projection and update; slower, "
-             "to compare and to check"),
         number("test-iterations", &O::test_iterations, {1, kMaxIterations, "iterations"},
                "with eval: iterations after which the test views are measured, besides the last; -1: none"),
         number("save-iterations", &O::save_iterations, {1, kMaxIterations, "iterations"},
@@ -233,9 +230,6 @@ std::vector<Option> start_options() {
              "points; also with another appearance, whose residual then begins at 0"),
         number("init-points", &O::init_points, {1, 1e8, "Gaussians"},
                "random initialisation only: number of points that are drawn"),
-        number("hostile-start", &O::hostile_start, {0, 1},
-               "stress test: share of the first Gaussians whose opacity, scale, rotation and colour are set to "
-               "extremes, from which training has to recover"),
     };
 }
 
@@ -348,7 +342,6 @@ std::vector<Option> logging_options() {
              "messages of level debug, too; the options in force, the plan, the files that are read but for images")
             .also("-v")
             .basic(),
-        choice("log-level", &O::log_level, "least important messages that are shown"),
         text("tensorboard", &O::tensorboard, "folder",
              "folder for an event file of TensorBoard with loss, scores, number of Gaussians, learning rates and "
              "pictures; of several runs each has a folder in it; empty: none"),

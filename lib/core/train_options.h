@@ -48,11 +48,10 @@ struct TrainOptions {
     ScheduleKind schedule = ScheduleKind::kProgress;
     std::uint64_t seed = 0;
     Device device = Device::kAuto;
-    int threads = 0;                   ///< 0 = all cores
-    int ranks = 1;                     ///< processes of this machine that train together, or kAllGpus
-    int batch = 0;                     ///< views of a step; 0 = one for each rank
-    bool separate_appearance = false;  ///< GPU only: appearance in kernels of its own
-    bool deterministic = false;        ///< GPU only: fixed order of all sums
+    int threads = 0;             ///< 0 = all cores
+    int ranks = 1;               ///< processes of this machine that train together, or kAllGpus
+    int batch = 0;               ///< views of a step; 0 = one for each rank
+    bool deterministic = false;  ///< GPU only: fixed order of all sums
     std::vector<std::int64_t> test_iterations, save_iterations, checkpoint_iterations;
     double checkpoint_minutes = 10;  ///< of training, between two checkpoints; 0 = off
     std::int64_t preview_every = 0;  ///< 0 = off
@@ -77,7 +76,6 @@ struct TrainOptions {
     // Initialisation
     std::string init;  ///< .ply file or run folder whose Gaussians the training begins with; empty = points
     std::int64_t init_points = 100000;  ///< random initialisation only
-    double hostile_start = 0;           ///< share of the first Gaussians that are made extreme; a stress test
     // Loss
     double coarse_until = 0;  ///< share of the training with images of half size
     double lambda_dssim = 0.2;
@@ -109,8 +107,7 @@ struct TrainOptions {
     double noise_lr = 5e5;
     // Logging
     bool quiet = false, verbose = false, json = false;  ///< json: of one call, in no table and no file
-    LogLevel log_level = LogLevel::kInfo;
-    std::string tensorboard;  ///< folder for event files; empty = none
+    std::string tensorboard;                            ///< folder for event files; empty = none
 
     /// The keys of the options that a file or a flag set. Recipes and presets leave them alone. Not an option itself.
     std::set<std::string> named = {};

@@ -61,7 +61,7 @@ std::uint64_t little_endian(const char* p, int bytes) {
 /// The first bytes of a file. Reading beyond its end throws.
 class Head {
   public:
-    explicit Head(const fs::path& path) : path_(path), in_(open_input(path, LogLevel::kTrace)) {}
+    explicit Head(const fs::path& path) : path_(path), in_(open_input(path, false)) {}
 
     /// Returns the `count` bytes at `offset`.
     std::string bytes(std::uint64_t offset, std::size_t count) {

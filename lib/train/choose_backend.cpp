@@ -25,7 +25,6 @@ void try_device(Device device) {
 
 BackendOptions backend_options(const TrainOptions& options) {
     return {.deterministic = options.deterministic,
-            .separate_appearance = options.separate_appearance,
             .image_budget = std::int64_t(parse_bytes(options.image_cache)),
             .min_alpha = kMinAlpha * options.alpha_cutoff,
             .min_transmittance = options.transmittance_cutoff,

@@ -25,7 +25,7 @@ namespace {
 /// Returns the build and all options in which ranks must agree, a line each.
 std::string agreed_text(const TrainOptions& options) {
     // Each rank may have its own number of threads and say as much as it likes.
-    static const std::set<std::string> own = {"threads", "quiet", "verbose", "log-level"};
+    static const std::set<std::string> own = {"threads", "quiet", "verbose"};
     std::string text = version_text() + "\n" + (uses_cuda(options.device) ? "a GPU\n" : "the CPU\n");
     for (const Option& option : train_option_table())
         if (!own.contains(option.key)) text += "--" + option.key + " " + option_text(option, options) + "\n";

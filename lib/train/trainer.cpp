@@ -16,7 +16,6 @@
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/model/hostile_start.h"
 #include "lib/model/initialize.h"
 #include "lib/model/start_from.h"
 #include "lib/scene/camera_params.h"
@@ -402,9 +401,6 @@ class Run {
                 state = initialize_gaussians(scene_, appearance_, init);
             }
         }
-        if (options_.hostile_start > 0)
-            log_warning("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
-                        make_hostile(state, options_.hostile_start, options_.seed), state.count);
         state.active_degree = schedule_.active_degree();
         state.ppisp = photometric_.initial_state();
         if (state.count > options_.cap_max)

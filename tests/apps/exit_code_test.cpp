@@ -181,7 +181,6 @@ const char* const kInputs[] = {"train -s @ -m run",
                                "export @ -o out",
                                "bench @",
                                "bench frames @",
-                               "prune-appearance @ -o out",
                                "metrics @ a.png",
                                "view @"};
 

@@ -67,9 +67,7 @@ TEST(Names, ThatAreNotUtf8ServeFromTrainingToResults) {
     expect_ok("render '" + run + "' -o 'r" + e + "nder'");
     expect_ok("export '" + run + "' -o 's" + e + "te'");
     expect_ok("export '" + run + "' -o 's" + e + "te' --format ply");
-    expect_ok("prune-appearance '" + run + "' -o 'prun" + e + "'");
     expect_ok("bench frames '" + run + "' --frame-repeat 1");
-    expect_ok("eval 'prun" + e + "'");
     expect_ok("metrics '" + scene + "/images/" + names[0] + "' '" + scene + "/images/" + names[1] + "' --metrics psnr");
     expect_ok("train --iterations 2 --device cpu --eval --test-list 'li" + e + "' -s '" + scene + "' -m list");
 

@@ -303,7 +303,6 @@ TEST(PointCloud, WhatIsMissingOrWrongIsNamed) {
     expect_wrong(program, "eval model.ply -s builtin:glossy --eval=false", 2, "no test views");
     expect_wrong(program, "eval run -r 8", 2, "--resolution: goes with a .ply file");
     expect_wrong(program, "render run --background 0,0,1", 2, "--background: goes with a .ply file");
-    expect_wrong(program, "prune-appearance model.ply", 2, "no run folder");
     program.folder().write("text.ply", "hello\n");
     program.folder().write("picture.png", "hello\n");
     for (const char* file : {"text.ply", "picture.png", "missing.ply"})

@@ -74,7 +74,7 @@ TEST(RunScene, IsAskedForWhereItIsGoneAndTakenFromTheCommandLine) {
     const std::string before = project.scores();
     for (const char* arguments :
          {"eval proj/out", "export proj/out -o site", "render proj/out -o pictures", "bench frames proj/out",
-          "bench -m proj/out", "prune-appearance proj/out", "train -m proj/out --resume --iterations 6"})
+          "bench -m proj/out", "train -m proj/out --resume --iterations 6"})
         project.expect(arguments, 3, "name where it is now with -s SCENE");
     EXPECT_EQ(project.scores(), before);
     project.expect("eval proj/out -s moved --metrics psnr", 0);
@@ -82,7 +82,7 @@ TEST(RunScene, IsAskedForWhereItIsGoneAndTakenFromTheCommandLine) {
     for (const char* arguments :
          {"export proj/out -o site -s moved", "render proj/out -o pictures -s moved",
           "bench frames proj/out -s moved --frame-repeat 1", "bench -m proj/out -s moved --repeat 1 --frame-repeat 1",
-          "prune-appearance proj/out -s moved", "train -m proj/out -s moved --resume --iterations 6"})
+          "train -m proj/out -s moved --resume --iterations 6"})
         project.expect(arguments, 0);
     project.expect("eval proj/out", 0);  // the resumed run has the new place
 }
@@ -95,8 +95,8 @@ TEST(RunScene, ThatIsAnotherOneInTheSamePlaceIsRefusedByName) {
                       cameras = project.read("proj/out/cameras.json");
     for (const char* arguments :
          {"eval proj/out", "eval proj/out -s proj/scene", "export proj/out -o site", "render proj/out -o pictures",
-          "bench frames proj/out", "bench -m proj/out", "prune-appearance proj/out",
-          "train -m proj/out --resume --iterations 6", "train -m proj/out -s proj/scene --resume --iterations 6",
+          "bench frames proj/out", "bench -m proj/out", "train -m proj/out --resume --iterations 6",
+          "train -m proj/out -s proj/scene --resume --iterations 6",
           "train -m again --resume proj/out/checkpoints/iteration_2.safetensors -s proj/scene --iterations 6 --eval"})
         project.expect(arguments, 3, "it has 11 images, and the run has 9; 'im19.png' is not of the run");
     EXPECT_EQ(project.scores(), before);

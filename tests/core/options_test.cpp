@@ -206,7 +206,6 @@ TEST(Choices, EveryValueHasItsWord) {
     expect_words_for_all_values(AlphaMode::kMask);
     expect_words_for_all_values(AppearanceStorage::kFp16);
     expect_words_for_all_values(AppearanceMoments::kBf16);
-    expect_words_for_all_values(LogLevel::kError);
     expect_words_for_all_values(ColorActivation::kHardSigmoid);
 }
 

@@ -75,7 +75,6 @@ CASES = [
     Case("export ply", ["export", "{}/run", "-o", "{}/files", "--format", "ply", "--overwrite"]),
     Case("export splat", ["export", "{}/run", "-o", "{}/files", "--format", "splat", "--overwrite"]),
     Case("prepare", ["prepare", "{}/run/test/ours_4/gt", "-o", "{}/scene", "--overwrite"]),
-    Case("prune-appearance", ["prune-appearance", "{}/run", "-o", "{}/pruned"]),
     Case("bench frames", ["bench", "frames", "{}/run", "--frame-repeat", "1"]),
     Case(
         "bench suite",
@@ -279,13 +278,11 @@ class Suite:
             ["train", "--help"],
             ["eval", "--skip-render", run],
             ["metrics", picture, picture, "--metrics", "psnr"],
-            ["prune-appearance", run, "-o", str(self.folder / "pruned")],
             ["bench", "frames", run, "--frame-repeat", "1"],
             ["train", *TRAIN, "--json", "-m", str(self.folder / "printed")],
         ]
         for words in commands:
             for to in (">/dev/full", ">&-"):
-                shutil.rmtree(self.folder / "pruned", ignore_errors=True)
                 shutil.rmtree(self.folder / "printed", ignore_errors=True)
                 done = subprocess.run(
                     ["sh", "-c", f'"$0" "$@" {to}', self.gsapp, *words],

@@ -552,7 +552,6 @@ violations:
                 ("export out -o site.splat --format splat", model),
                 ("export out -o site", model + plan),
                 ("bench frames out --frame-repeat 1", plan + model + results),
-                ("prune-appearance out -o pruned", plan + model),
             ],
         ),
         Kind(

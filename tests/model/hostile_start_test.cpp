@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which Gaussians a hostile start changes, and how.
-#include "lib/model/hostile_start.h"
+#include "tests/model/hostile_start.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 
 #include "appearance/model_info.h"
 
-namespace gs {
+namespace gs::test {
 namespace {
 
 Gaussians ordinary(std::int64_t count) {
@@ -72,4 +72,4 @@ TEST(HostileStart, DependsOnTheSeedAndTheRowAlone) {
 }
 
 }  // namespace
-}  // namespace gs
+}  // namespace gs::test

@@ -23,6 +23,7 @@
 #include "lib/train/trainer.h"
 #include "lib/train/view_order.h"
 #include "tests/core/temporary_folder.h"
+#include "tests/model/hostile_start.h"
 #include "tests/train/forwarding_engine.h"
 
 namespace gs {
@@ -287,14 +288,32 @@ TEST_P(TrainStrategies, LowersTheLossAndKeepsTheBudget) {
     EXPECT_EQ(densifications > 0, o.strategy != Strategy::kNone);
 }
 
+/// Makes a share of the Gaussians that a training begins with extreme.
+class HostileEngine : public test::ForwardingEngine {
+  public:
+    HostileEngine(const AppearanceSpec& appearance, double share) : ForwardingEngine(appearance), share_(share) {}
+    void upload(const Gaussians& state) override {
+        Gaussians first = state;
+        test::make_hostile(first, std::exchange(share_, 0), 0);
+        ForwardingEngine::upload(first);
+    }
+
+  private:
+    double share_;
+};
+
 /// Runs 600 iterations and returns the mean loss of the last 100. Expects a falling loss and finite results.
 double hostile_run(const fs::path& folder, const std::string& model, double share) {
     TrainOptions o = small_options(folder, Strategy::kMcmc);
     o.appearance = model;
     o.iterations = 600;
     o.densify_until_iter = 500;
-    o.hostile_start = share;
-    run(o, small_scene());
+    TrainHooks hooks;
+    hooks.make_backend = [=](const AppearanceSpec& appearance, const BackendOptions&) {
+        return std::make_unique<test::BackendOf<HostileEngine>>(appearance, share);
+    };
+    Progress progress(ProgressStyle::kSilent);
+    train(o, small_scene(), open_run(o), progress, hooks);
     const Checkpoint end = read_checkpoint(RunFolder{o.model}.checkpoint(o.iterations));
     for (const auto& group : end.state.groups)
         EXPECT_TRUE(std::all_of(group.param.begin(), group.param.end(), [](float x) { return std::isfinite(x); }));

@@ -84,7 +84,6 @@ TEST(TrainingOptions, OfNoAccountChangeNoBitOfTheModel) {
         {"preview-every", [](TrainOptions& o) { o.preview_every = 7; }},
         {"quiet", [](TrainOptions& o) { o.quiet = false; }},
         {"verbose", [](TrainOptions& o) { o.verbose = true; }},
-        {"log-level", [](TrainOptions& o) { o.log_level = LogLevel::kError; }},
         {"tensorboard", [&](TrainOptions& o) { o.tensorboard = (tmp.path() / "events").string(); }},
         {"seed", {}},  // is chance, and compared beside these options
     };

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes a part of the first Gaussians extreme, as a stress test.
-#include "lib/model/hostile_start.h"
+// A stress test of training: a part of the first Gaussians gets extreme finite values.
+#pragma once
+
+#include <cstdint>
 
 #include "kernels/core/rng.h"
+#include "kernels/model/gaussian_state.h"
 
-namespace gs {
-namespace {
+namespace gs::test {
 
 /// The random numbers of one row, drawn in blocks of four.
 class Draws {
@@ -24,9 +26,11 @@ class Draws {
     int used_ = 4;
 };
 
-}  // namespace
-
-std::int64_t make_hostile(Gaussians& state, double share, std::uint64_t seed) {
+/// Sets every raw parameter but the mean of a share (0..1) of the Gaussians to an extreme: opacity +-50, each log scale
+/// -30, 2 or 30, rotation components all +-1e-20, +-1e-3, +-1e3 or +-1e20, base colours all +-3 or all +-1e4, residuals
+/// all +-1e-6, +-1e4 or +-1e30. The choice depends only on the seed and the row. Returns the number of changed
+/// Gaussians.
+inline std::int64_t make_hostile(Gaussians& state, double share, std::uint64_t seed) {
     // Some values no view can show: huge scales, rotations whose squares leave float's range. Others stay visible,
     // because a Gaussian that is culled puts no stress on the training.
     constexpr float kScales[] = {-30, 2, 30}, kRotations[] = {1e-20f, 1e-3f, 1e3f, 1e20f}, kBases[] = {3, 1e4f},
@@ -53,4 +57,4 @@ std::int64_t make_hostile(Gaussians& state, double share, std::uint64_t seed) {
     return changed;
 }
 
-}  // namespace gs
+}  // namespace gs::test
