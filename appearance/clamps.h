@@ -2,7 +2,7 @@
 // Upper limits on raw parameters that let a parameter come back (docs/math/appearance.md#clamps).
 #pragma once
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 
 namespace gs::appearance {
 

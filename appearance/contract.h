@@ -31,8 +31,8 @@
 // tests follow from it.
 #pragma once
 
-#include "kernels/core/appearance_spec.h"
-#include "kernels/core/vec.h"
+#include "kernels/base/appearance_spec.h"
+#include "kernels/base/vec.h"
 
 namespace gs {
 

@@ -9,9 +9,9 @@
 
 #include "appearance/model_option.h"
 #include "appearance/stability_case.h"
-#include "kernels/core/appearance_spec.h"
-#include "kernels/core/schedule.h"
-#include "kernels/core/vec.h"
+#include "kernels/base/appearance_spec.h"
+#include "kernels/base/schedule.h"
+#include "kernels/base/vec.h"
 
 namespace gs {
 

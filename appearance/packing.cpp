@@ -8,7 +8,7 @@
 
 #include "appearance/expression.h"
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "appearance/packing_description.h"
-#include "kernels/core/half.h"
-#include "kernels/core/vec.h"
-#include "kernels/model/gaussian_state.h"
+#include "kernels/base/half.h"
+#include "kernels/base/vec.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs {
 

@@ -4,7 +4,7 @@
 
 #include "appearance/model_info.h"
 #include "appearance/packing_description.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 #include "appearance_registry.inc"
 

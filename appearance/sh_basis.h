@@ -2,7 +2,7 @@
 // The real spherical harmonics of bands 1 to 3 (3DGS sign convention), for whoever expands something in them.
 #pragma once
 
-#include "kernels/core/vec.h"
+#include "kernels/base/vec.h"
 
 namespace gs::appearance {
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/core/ceilings.h"
+#include "kernels/base/ceilings.h"
 #include "kernels/requests.h"
 #include "kernels/splat/projected_view.h"
 #include "kernels/splat/view_report.h"

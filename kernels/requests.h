@@ -10,10 +10,10 @@
 #include <variant>
 #include <vector>
 
-#include "kernels/core/vec.h"
-#include "kernels/model/gaussian_state.h"
+#include "kernels/base/vec.h"
 #include "kernels/splat/camera.h"
 #include "kernels/splat/raster_config.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs {
 

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "appearance/clamps.h"
-#include "kernels/core/vec.h"
+#include "kernels/base/vec.h"
 
 namespace gs::appearance {
 

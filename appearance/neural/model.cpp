@@ -7,7 +7,7 @@
 #include "appearance/neural/neural.h"
 #include "appearance/neural/packing.h"
 #include "appearance/neural/stability.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/rng.h"
 
 namespace gs::appearance {
 namespace {

@@ -6,7 +6,7 @@
 #include "appearance/contract.h"
 #include "appearance/neural/neurons.h"
 #include "appearance/sh_basis.h"
-#include "kernels/core/spherical_harmonics.h"
+#include "kernels/base/spherical_harmonics.h"
 
 namespace gs::appearance {
 

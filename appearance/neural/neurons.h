@@ -4,7 +4,7 @@
 
 #include <type_traits>
 
-#include "kernels/core/lanes.h"
+#include "kernels/base/lanes.h"
 
 namespace gs::appearance {
 

@@ -3,7 +3,7 @@
 #include "appearance/model_info.h"
 #include "appearance/none/none.h"
 #include "appearance/sh/packing.h"
-#include "kernels/core/spherical_harmonics.h"
+#include "kernels/base/spherical_harmonics.h"
 
 namespace gs::appearance {
 

@@ -6,7 +6,7 @@
 
 #include "appearance/sh/packing.h"
 #include "appearance/sh/sh.h"
-#include "kernels/core/spherical_harmonics.h"
+#include "kernels/base/spherical_harmonics.h"
 
 namespace gs::appearance {
 

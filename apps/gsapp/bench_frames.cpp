@@ -9,7 +9,7 @@
 #include "apps/gsapp/printing.h"
 #include "eval/bench/bench_cases.h"
 #include "eval/runs/run_frame_times.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options_cli.h"
 
 namespace gs {

@@ -9,7 +9,7 @@
 #include "apps/gsapp/printing.h"
 #include "eval/experiments/suite_run.h"
 #include "eval/experiments/train_run.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/options_cli.h"

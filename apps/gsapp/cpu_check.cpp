@@ -3,7 +3,7 @@
 // the initialisation of everything else, is compiled for any x86-64, and calls no code of other files, which is not.
 #include <unistd.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/cpu_features.h"
 
 namespace gs {

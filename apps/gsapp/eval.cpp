@@ -17,7 +17,7 @@
 #include "eval/report/comparison_format.h"
 #include "eval/report/report.h"
 #include "eval/runs/evaluate_run.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/log.h"
 #include "lib/io/temporary.h"
 

@@ -13,7 +13,7 @@
 #include "apps/gsapp/printing.h"
 #include "apps/gsapp/scene_arguments.h"
 #include "eval/runs/export_run.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

@@ -26,7 +26,7 @@
 #include "apps/gsapp/bench.h"
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/help.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/foreign_options.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"

@@ -9,7 +9,7 @@
 #include "apps/gsapp/eval.h"
 #include "apps/gsapp/printing.h"
 #include "eval/metrics/compare_images.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/json_text.h"
 
 namespace gs {

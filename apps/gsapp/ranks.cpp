@@ -2,7 +2,7 @@
 // Starts the ranks of a command.
 #include "apps/gsapp/ranks.h"
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 
 namespace gs {
 

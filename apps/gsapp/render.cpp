@@ -27,7 +27,7 @@
 #include "eval/runs/picture_size.h"
 #include "eval/runs/render_views.h"
 #include "eval/runs/video.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/model/model_file.h"

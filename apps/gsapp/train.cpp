@@ -11,7 +11,7 @@
 #include "eval/experiments/seeds.h"
 #include "eval/experiments/train_run.h"
 #include "eval/report/comparison_format.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options_cli.h"
 #include "lib/train/rank_training.h"
 #include "lib/train/sharded_backend.h"

@@ -11,7 +11,7 @@
 #include "apps/gsapp/printing.h"
 #include "eval/live/saved_page.h"
 #include "eval/runs/saved_run.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/export/file_server.h"

@@ -9,7 +9,7 @@
 
 #include "eval/metrics/colour_fit.h"
 #include "eval/metrics/quantize.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "lib/scene/camera_params.h"
 
 namespace gs {

@@ -10,7 +10,7 @@
 
 #include "appearance/model_info.h"
 #include "appearance/sh_basis.h"
-#include "kernels/core/spherical_harmonics.h"
+#include "kernels/base/spherical_harmonics.h"
 #include "lib/core/median.h"
 #include "lib/model/center.h"
 

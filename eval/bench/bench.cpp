@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "kernels/core/clock.h"
+#include "kernels/base/clock.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"

@@ -10,8 +10,8 @@
 
 #include "appearance/model_info.h"
 #include "eval/metrics/quantize.h"
-#include "kernels/core/parallel.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/parallel.h"
+#include "kernels/base/rng.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/scene/camera_params.h"
 

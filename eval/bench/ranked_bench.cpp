@@ -7,7 +7,7 @@
 #include <algorithm>
 
 #include "eval/bench/generated_set.h"
-#include "kernels/core/clock.h"
+#include "kernels/base/clock.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/sharded_backend.h"

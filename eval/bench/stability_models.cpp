@@ -13,7 +13,7 @@
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
 #include "eval/bench/stability_compare.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
 
 #include "appearance_types.inc"

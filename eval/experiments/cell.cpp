@@ -10,7 +10,7 @@
 
 #include "eval/report/table.h"
 #include "eval/runs/training_options.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/model/run_folder.h"
 
 namespace gs {

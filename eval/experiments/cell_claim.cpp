@@ -20,7 +20,7 @@
 #include <system_error>
 #include <utility>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "eval/experiments/cell.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 

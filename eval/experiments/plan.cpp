@@ -7,7 +7,7 @@
 #include <algorithm>
 
 #include "eval/experiments/estimate.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/duration.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"

@@ -7,7 +7,7 @@
 #include "eval/experiments/cell.h"
 #include "eval/experiments/train_run.h"
 #include "eval/runs/run_scene.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/log.h"
 #include "lib/train/scene_options.h"
 

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/bytes.h"
 #include "lib/export/ngsplat.h"
 #include "lib/export/pack_scene.h"

@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "eval/experiments/cell.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // Runs the cells of a suite and writes its tables after each.
 #include "eval/experiments/suite_run.h"
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {

@@ -9,7 +9,7 @@
 
 #include "eval/auto/held_out.h"
 #include "eval/report/comparison.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

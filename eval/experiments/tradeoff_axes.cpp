@@ -15,7 +15,7 @@
 #include "eval/bench/precision_levels.h"
 #include "eval/experiments/cell.h"
 #include "eval/runs/training_options.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/duration.h"
 #include "lib/core/nearest.h"
 #include "lib/core/options.h"

@@ -7,7 +7,7 @@
 #include <algorithm>
 
 #include "eval/runs/run_scene.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/train/scene_options.h"
 

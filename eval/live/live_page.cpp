@@ -10,8 +10,8 @@
 #include <random>
 
 #include "eval/runs/evaluate.h"
-#include "kernels/core/clock.h"
-#include "kernels/core/error.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/error.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/version.h"

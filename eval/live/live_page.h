@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "eval/live/course_log.h"
-#include "kernels/core/vec.h"
+#include "kernels/base/vec.h"
 #include "lib/export/file_server.h"
 #include "lib/scene/scene.h"
 

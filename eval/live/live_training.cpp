@@ -12,7 +12,7 @@
 
 #include "appearance/model_info.h"
 #include "eval/runs/shown_views.h"
-#include "kernels/core/clock.h"
+#include "kernels/base/clock.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/model/run_folder.h"

@@ -13,7 +13,7 @@
 #include "eval/runs/run_scene.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/shown_views.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"

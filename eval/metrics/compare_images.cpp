@@ -8,7 +8,7 @@
 
 #include "eval/metrics/psnr.h"
 #include "eval/metrics/quantize.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 

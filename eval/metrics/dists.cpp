@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "eval/metrics/metric_weights.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "eval/metrics/metric_weights.h"
 #include "eval/metrics/psnr.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

@@ -11,8 +11,8 @@
 #include <numbers>
 
 #include "eval/metrics/psnr.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 
 namespace gs {
 namespace {

@@ -11,7 +11,7 @@
 #include "eval/metrics/dists.h"
 #include "eval/metrics/milo.h"
 #include "eval/metrics/psnr.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/train/choose_backend.h"
 

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 

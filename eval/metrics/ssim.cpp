@@ -9,8 +9,8 @@
 #include <cmath>
 
 #include "eval/metrics/psnr.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 
 namespace gs {
 namespace {

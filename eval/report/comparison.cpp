@@ -10,7 +10,7 @@
 #include <set>
 #include <tuple>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "eval/pages/escape.h"
 #include "eval/report/comparison_format.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

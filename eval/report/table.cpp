@@ -11,7 +11,7 @@
 
 #include "eval/runs/protocol.h"
 #include "eval/runs/training_options.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"

@@ -6,7 +6,7 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
 
 namespace gs {

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

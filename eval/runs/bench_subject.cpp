@@ -6,7 +6,7 @@
 
 #include "eval/bench/bench.h"
 #include "eval/runs/saved_run.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/model/limit_values.h"
 #include "lib/train/scene_options.h"
 

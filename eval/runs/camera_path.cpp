@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/runs/picture_size.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <array>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/model/run_folder.h"
 

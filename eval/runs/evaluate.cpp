@@ -11,7 +11,7 @@
 #include "eval/metrics/quantize.h"
 #include "eval/runs/decompose.h"
 #include "eval/runs/render_queue.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/model/run_folder.h"
 #include "lib/scene/camera_params.h"
 

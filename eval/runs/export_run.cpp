@@ -20,7 +20,7 @@
 #include "eval/runs/shown_views.h"
 #include "eval/runs/site_page.h"
 #include "eval/runs/view_scores.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"

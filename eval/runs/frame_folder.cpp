@@ -9,7 +9,7 @@
 #include <cstdio>
 #include <set>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 
 namespace gs {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
 

@@ -8,7 +8,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/median.h"
 #include "lib/model/center.h"
 #include "lib/scene/common_target.h"

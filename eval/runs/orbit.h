@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

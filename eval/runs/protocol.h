@@ -8,7 +8,7 @@
 
 #include "eval/metrics/lpips.h"
 #include "eval/metrics/ssim.h"
-#include "kernels/core/vec.h"
+#include "kernels/base/vec.h"
 
 namespace gs {
 

@@ -10,7 +10,7 @@
 #include "eval/runs/frame_folder.h"
 #include "eval/runs/geometry_renderer.h"
 #include "eval/runs/render_queue.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/io/atomic_file.h"
 #include "lib/scene/camera_params.h"

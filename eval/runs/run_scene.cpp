@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "eval/runs/training_options.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/options.h"
 #include "lib/core/run_config.h"

@@ -6,7 +6,7 @@
 
 #include "appearance/model_info.h"
 #include "eval/runs/run_scene.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"

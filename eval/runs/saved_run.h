@@ -10,7 +10,7 @@
 #include "eval/runs/results.h"
 #include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
-#include "lib/ranks/rank_team.h"
+#include "lib/group/rank_team.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

@@ -12,7 +12,7 @@
 #include <regex>
 
 #include "eval/pages/escape.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

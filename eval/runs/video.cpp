@@ -8,7 +8,7 @@
 #include <cerrno>
 #include <cstdio>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/process.h"

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/ranks/backend.h"
 #include "kernels/reference_image.h"

@@ -8,7 +8,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/backends/cpu_rasterizer.h"
-#include "kernels/core/ceilings.h"
+#include "kernels/base/ceilings.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/residual_handles.h"
 #include "kernels/engine.h"

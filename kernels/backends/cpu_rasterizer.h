@@ -10,12 +10,12 @@
 #include <span>
 #include <vector>
 
+#include "kernels/base/clock.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "kernels/blend/blend_cpu.h"
 #include "kernels/blend/median_cpu.h"
 #include "kernels/blend/score_cpu.h"
-#include "kernels/core/clock.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/preprocess/splat_lanes_cpu.h"
 #include "kernels/sort/binning.h"

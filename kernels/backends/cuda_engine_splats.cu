@@ -6,7 +6,7 @@
 
 #include "kernels/backends/cuda_engine.h"
 #include "kernels/backends/wire_splats_cuda.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "kernels/densify/rows_cuda.h"
 #include "kernels/loss/loss_sums_cuda.cuh"
 #include "kernels/optimizer/sum_rows_cuda.h"

@@ -5,7 +5,7 @@
 // P is a scalar (one pixel) or Lanes (sixteen pixels); nothing here depends on which.
 #pragma once
 
-#include "kernels/core/lanes.h"
+#include "kernels/base/lanes.h"
 #include "kernels/splat/raster_config.h"
 #include "kernels/splat/splat_device.h"
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "appearance/contract.h"
-#include "kernels/core/vec.h"
+#include "kernels/base/vec.h"
 #include "kernels/requests.h"
 
 namespace gs {

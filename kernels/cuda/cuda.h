@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <string>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "kernels/core/ceilings.h"
+#include "kernels/base/ceilings.h"
 
 namespace gs {
 

@@ -2,7 +2,7 @@
 // A CUDA device as a rank shows it to those who move its arrays. Only .cu files include this header.
 #pragma once
 
-#include "kernels/core/device_stream.h"
+#include "kernels/base/device_stream.h"
 #include "kernels/cuda/device_memory.h"
 
 namespace gs {

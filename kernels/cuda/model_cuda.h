@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "kernels/cuda/device_memory.h"
-#include "kernels/model/model_arrays.h"
+#include "kernels/state/model_arrays.h"
 
 namespace gs {
 

@@ -2,7 +2,7 @@
 // Adaptive density control on host arrays: it clones, splits and prunes (docs/math/densification.md#adc).
 #include <algorithm>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/densify/adc_device.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/residual_handles.h"

@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "kernels/core/rng.h"
+#include "kernels/base/rng.h"
 #include "kernels/densify/rows_device.h"
 #include "kernels/requests.h"
 

@@ -4,11 +4,11 @@
 
 #include <algorithm>
 
-#include "kernels/core/rng.h"
+#include "kernels/base/rng.h"
 #include "kernels/densify/relocation_device.h"
 #include "kernels/densify/rows_device.h"
-#include "kernels/model/adam_device.h"
 #include "kernels/requests.h"
+#include "kernels/state/adam_device.h"
 
 namespace gs {
 

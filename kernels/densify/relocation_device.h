@@ -2,7 +2,7 @@
 // The opacity and scale of Gaussians that share one Gaussian's place (docs/math/densification.md#relocation).
 #pragma once
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 
 namespace gs {
 

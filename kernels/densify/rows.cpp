@@ -2,7 +2,7 @@
 // Row operations on the host: gather, pruning and Morton order.
 #include <algorithm>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/residual_handles.h"
 #include "kernels/densify/rows_device.h"

@@ -2,8 +2,8 @@
 // Properties of one row: whether it can be seen, whether its values are sane, and its place on the Morton curve.
 #pragma once
 
-#include "kernels/model/gaussian_state.h"
 #include "kernels/splat/projection_device.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs {
 

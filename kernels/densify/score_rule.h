@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 
 namespace gs {
 

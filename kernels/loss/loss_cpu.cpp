@@ -6,7 +6,7 @@
 
 #include <algorithm>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "kernels/loss/loss_device.h"
 
 namespace gs {

@@ -15,7 +15,7 @@
 
 #include <array>
 
-#include "kernels/model/adam_device.h"
+#include "kernels/state/adam_device.h"
 
 namespace gs {
 

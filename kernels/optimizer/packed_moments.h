@@ -8,7 +8,7 @@
 
 #include <cstdint>
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 
 namespace gs {
 

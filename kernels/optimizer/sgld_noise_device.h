@@ -2,7 +2,7 @@
 // The SGLD noise that explores positions (docs/math/densification.md#noise).
 #pragma once
 
-#include "kernels/core/rng.h"
+#include "kernels/base/rng.h"
 #include "kernels/splat/projection_device.h"
 
 namespace gs {

@@ -3,11 +3,11 @@
 // noise.
 #pragma once
 
-#include "kernels/model/adam_device.h"
-#include "kernels/model/model_arrays.h"
 #include "kernels/optimizer/sgld_noise_device.h"
 #include "kernels/requests.h"
 #include "kernels/splat/gaussian_rows_device.h"
+#include "kernels/state/adam_device.h"
+#include "kernels/state/model_arrays.h"
 
 namespace gs {
 

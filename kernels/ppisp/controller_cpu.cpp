@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/core/parallel.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/parallel.h"
+#include "kernels/base/rng.h"
 #include "kernels/ppisp/controller.h"
 
 namespace gs {

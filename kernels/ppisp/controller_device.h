@@ -8,8 +8,8 @@
 
 #include <cstddef>
 
-#include "kernels/core/portable.h"
-#include "kernels/model/ppisp_state.h"
+#include "kernels/base/portable.h"
+#include "kernels/state/ppisp_state.h"
 
 namespace gs {
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // PPISP on the device. Forward and backward take one pass each over a view's pixels; one block does the 37 sums and the
 // few parameters.
-#include "kernels/model/adam_device.h"
 #include "kernels/ppisp/ppisp_cuda.h"
+#include "kernels/state/adam_device.h"
 
 namespace gs {
 namespace {

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <string>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
-#include "kernels/model/adam_device.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "kernels/ppisp/ppisp.h"
+#include "kernels/state/adam_device.h"
 
 namespace gs {
 

@@ -7,8 +7,8 @@
 // the parameters.
 #pragma once
 
-#include "kernels/core/vec.h"
-#include "kernels/model/ppisp_state.h"
+#include "kernels/base/vec.h"
+#include "kernels/state/ppisp_state.h"
 
 namespace gs {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <exception>
 
-#include "kernels/core/clock.h"
-#include "kernels/core/error.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/error.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/mcmc_device.h"
 #include "kernels/densify/residual_handles.h"
@@ -226,7 +226,8 @@ DensifyStats Backend::densify(const DensifyRequest& request) {
         shares = even_shares(shard_.rows(), adc->cap);
     const DensifyStats stats = on_all<&Shard::densify>(request, shares);
     deal_anew_if_uneven();
-    if (adc && stats.count == 0) throw_nothing_left(*adc, request.iteration, before + stats.cloned + 2 * stats.split);
+    if (adc && stats.count == 0 && !adc->may_remove_all)
+        throw_nothing_left(*adc, request.iteration, before + stats.cloned + 2 * stats.split);
     return stats;
 }
 

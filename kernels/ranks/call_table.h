@@ -6,7 +6,7 @@
 #include <tuple>
 #include <type_traits>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/messages.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // Counts what is exchanged, and takes arrays of a device through the host where no link goes from device to device.
 #include "kernels/ranks/communicator.h"
 
-#include "kernels/core/clock.h"
+#include "kernels/base/clock.h"
 
 namespace gs {
 

@@ -12,7 +12,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "kernels/core/device_stream.h"
+#include "kernels/base/device_stream.h"
 
 namespace gs {
 

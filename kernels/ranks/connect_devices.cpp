@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/nccl_library.h"
 
 namespace gs {

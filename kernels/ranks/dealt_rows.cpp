@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 
 namespace gs {
 namespace {

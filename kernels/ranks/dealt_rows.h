@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs {
 

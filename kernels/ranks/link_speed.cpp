@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "kernels/core/clock.h"
-#include "kernels/core/device_array.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/device_array.h"
 
 namespace gs {
 namespace {

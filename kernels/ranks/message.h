@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/communicator.h"
 
 namespace gs {

@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/nccl_library_cuda.h"
 
 namespace gs {

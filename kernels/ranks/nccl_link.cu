@@ -9,8 +9,8 @@
 #include <optional>
 #include <thread>
 
-#include "kernels/core/clock.h"
-#include "kernels/core/error.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/connect_devices.h"
 #include "kernels/ranks/nccl_library.h"
 #include "kernels/ranks/nccl_library_cuda.h"

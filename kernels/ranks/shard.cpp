@@ -7,9 +7,9 @@
 #include <cstring>
 #include <numeric>
 
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "kernels/blend/residual_score.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
 #include "kernels/ppisp/ppisp.h"
 #include "kernels/ranks/messages.h"
 

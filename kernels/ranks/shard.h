@@ -6,8 +6,8 @@
 #include <functional>
 #include <utility>
 
-#include "kernels/core/clock.h"
-#include "kernels/core/process_use.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/process_use.h"
 #include "kernels/engine.h"
 #include "kernels/ranks/communicator.h"
 #include "kernels/ranks/dealt_rows.h"

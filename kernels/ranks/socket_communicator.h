@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "kernels/core/descriptor.h"
+#include "kernels/base/descriptor.h"
 #include "kernels/ranks/communicator.h"
 
 namespace gs {

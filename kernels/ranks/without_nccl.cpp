@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stands in for NCCL in builds that found no nccl.h. The others do not compile it.
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/connect_devices.h"
 #include "kernels/ranks/nccl_library.h"
 

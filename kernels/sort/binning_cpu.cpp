@@ -6,8 +6,8 @@
 
 #include <algorithm>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "kernels/splat/depth_key.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // The pinhole camera of the kernels.
 #pragma once
 
-#include "kernels/core/vec.h"
+#include "kernels/base/vec.h"
 
 namespace gs {
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 
 namespace gs {
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "appearance/contract.h"
-#include "kernels/model/gaussian_state.h"
 #include "kernels/splat/projection_device.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs {
 

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "kernels/core/device_array.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/device_array.h"
+#include "kernels/base/parallel.h"
 #include "kernels/splat/camera.h"
 #include "kernels/splat/wire_splat.h"
 

@@ -3,7 +3,7 @@
 // (docs/math/rasterizer.md#tile-test), and the projection's gradient (docs/math/rasterizer.md#projection-gradient).
 #pragma once
 
-#include "kernels/core/lanes.h"
+#include "kernels/base/lanes.h"
 #include "kernels/splat/camera.h"
 #include "kernels/splat/raster_config.h"
 #include "kernels/splat/splat_device.h"

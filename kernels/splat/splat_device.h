@@ -2,8 +2,8 @@
 // A splat, which is a Gaussian on screen as blending needs it, and the gradients that blending returns.
 #pragma once
 
-#include "kernels/core/lanes.h"
-#include "kernels/core/vec.h"
+#include "kernels/base/lanes.h"
+#include "kernels/base/vec.h"
 #include "kernels/splat/raster_config.h"
 
 namespace gs {

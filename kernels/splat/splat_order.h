@@ -2,8 +2,8 @@
 // The order of the whole model's rows, for splats that came from several ranks.
 #pragma once
 
-#include "kernels/model/gaussian_state.h"
 #include "kernels/splat/projected_view.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs {
 

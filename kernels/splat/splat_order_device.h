@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 #include "kernels/splat/wire_splat.h"
 
 namespace gs {

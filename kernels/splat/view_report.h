@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 
 namespace gs {
 

@@ -7,7 +7,7 @@
 // All is single precision, so the FMA rate sets the least time. VGG16 up to relu5_3 is 130 G FMAs for 800x532 pixels, 4
 // ms at 32 T FMA/s. Last layers of small images have fewer blocks than a large GPU has multiprocessors, and take
 // longer.
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 #include "kernels/cuda/cuda.h"
 #include "kernels/tensors/convolution_cuda.h"
 

@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 
 namespace gs {
 

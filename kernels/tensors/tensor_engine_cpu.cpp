@@ -10,7 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "kernels/tensors/layers_device.h"
 #include "kernels/tensors/tensor_checks.h"
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "kernels/core/vec.h"
+#include "kernels/base/vec.h"
 
 namespace gs {
 

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <string>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 

@@ -10,7 +10,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "kernels/core/appearance_spec.h"
+#include "kernels/base/appearance_spec.h"
 
 namespace gs {
 

@@ -13,7 +13,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 

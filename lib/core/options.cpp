@@ -9,7 +9,7 @@
 
 #include <fmt/format.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/bytes.h"
 #include "lib/core/duration.h"
 

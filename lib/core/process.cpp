@@ -14,8 +14,8 @@
 #include <cstring>
 #include <optional>
 
-#include "kernels/core/descriptor.h"
-#include "kernels/core/error.h"
+#include "kernels/base/descriptor.h"
+#include "kernels/base/error.h"
 
 extern char** environ;
 

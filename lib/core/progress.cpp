@@ -11,7 +11,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "kernels/core/clock.h"
+#include "kernels/base/clock.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 

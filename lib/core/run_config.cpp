@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <system_error>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/options.h"
 

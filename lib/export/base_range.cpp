@@ -8,7 +8,7 @@
 
 #include "appearance/code_range.h"
 #include "appearance/contract.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 
 namespace gs {
 namespace {

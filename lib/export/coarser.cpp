@@ -10,7 +10,7 @@
 #include <nanoflann.hpp>
 #include <numeric>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "kernels/splat/raster_config.h"
 #include "lib/export/mean_area.h"
 #include "lib/export/selected_rows.h"

@@ -19,7 +19,7 @@
 #include <thread>
 #include <utility>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/interrupt.h"
 
 namespace gs {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "kernels/core/half.h"
+#include "kernels/base/half.h"
 
 namespace gs {
 namespace {

@@ -11,7 +11,7 @@
 #include <cstring>
 #include <fstream>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/export/file_order.h"
 #include "lib/io/atomic_file.h"

@@ -9,8 +9,8 @@
 #include <numeric>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "kernels/splat/raster_config.h"
 #include "lib/core/median.h"
 #include "lib/export/base_range.h"

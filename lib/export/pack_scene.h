@@ -2,7 +2,7 @@
 // Packs a trained model into the scene that a viewer loads.
 #pragma once
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 #include "lib/export/ngsplat.h"
 #include "lib/scene/scene.h"
 

@@ -7,7 +7,7 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "lib/model/appearance_spec.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // Decodes a packed scene: a model for the renderer, and the colours as a viewer computes them.
 #pragma once
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 #include "lib/export/ngsplat.h"
 
 namespace gs {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "appearance/sh_basis.h"
-#include "kernels/core/spherical_harmonics.h"
+#include "kernels/base/spherical_harmonics.h"
 
 namespace gs {
 

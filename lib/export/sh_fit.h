@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "kernels/core/vec.h"
+#include "kernels/base/vec.h"
 
 namespace gs {
 

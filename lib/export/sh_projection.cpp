@@ -10,9 +10,9 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
-#include "kernels/core/spherical_harmonics.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
+#include "kernels/base/spherical_harmonics.h"
 #include "lib/export/sh_fit.h"
 
 namespace gs {

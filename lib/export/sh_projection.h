@@ -2,7 +2,7 @@
 // Projects any appearance to spherical harmonics, for programs that know only these.
 #pragma once
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs {
 

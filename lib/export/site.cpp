@@ -8,7 +8,7 @@
 #include <regex>
 #include <set>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/program_files.h"
 #include "lib/io/atomic_file.h"
 

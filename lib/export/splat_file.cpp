@@ -7,7 +7,7 @@
 #include <numeric>
 #include <vector>
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 #include "kernels/splat/raster_config.h"
 #include "lib/io/atomic_file.h"
 #include "lib/scene/frame.h"

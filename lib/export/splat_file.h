@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

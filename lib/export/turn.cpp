@@ -8,8 +8,8 @@
 #include <Eigen/Geometry>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "lib/export/sh_fit.h"
 
 namespace gs {

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/io/temporary.h"
 

@@ -4,7 +4,7 @@
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/image.h"
 
 namespace gs {

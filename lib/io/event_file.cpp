@@ -13,7 +13,7 @@
 #include <cstring>
 #include <system_error>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/crc32c.h"
 #include "lib/io/temporary.h"
 

@@ -14,7 +14,7 @@
 #include <string>
 #include <type_traits>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/image_file.h"
 

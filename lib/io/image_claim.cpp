@@ -11,7 +11,7 @@
 #include <optional>
 #include <string_view>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 
 namespace gs {

@@ -10,7 +10,7 @@
 #include <exception>
 #include <utility>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {

@@ -17,7 +17,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 
 namespace gs {

@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/image.h"
 
 namespace gs {

@@ -18,7 +18,7 @@
 #include <string_view>
 #include <vector>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <fmt/ranges.h>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/choices.h"
 
 namespace gs {

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 #include "lib/core/train_options.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // Moves a model into a frame.
 #pragma once
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

@@ -12,8 +12,8 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
-#include "kernels/core/portable.h"
+#include "kernels/base/error.h"
+#include "kernels/base/portable.h"
 #include "lib/core/choices.h"
 #include "lib/core/version.h"
 #include "lib/io/safetensors.h"

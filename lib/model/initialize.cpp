@@ -12,9 +12,9 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
+#include "kernels/base/rng.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/scene/seen.h"
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 #include "kernels/splat/raster_config.h"
 
 namespace gs {

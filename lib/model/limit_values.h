@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs {
 

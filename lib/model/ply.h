@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "kernels/model/gaussian_state.h"
+#include "kernels/state/gaussian_state.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "kernels/core/error.h"
-#include "kernels/core/portable.h"
+#include "kernels/base/error.h"
+#include "kernels/base/portable.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/version.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/model/ppisp_state.h"
+#include "kernels/state/ppisp_state.h"
 
 namespace gs {
 

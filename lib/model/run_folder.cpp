@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"

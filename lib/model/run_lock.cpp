@@ -12,7 +12,7 @@
 #include <cstring>
 #include <string>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/log.h"
 
 namespace gs {

@@ -9,8 +9,8 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "lib/core/log.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/bring_into_frame.h"

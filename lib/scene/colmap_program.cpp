@@ -5,7 +5,7 @@
 #include <regex>
 #include <sstream>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/process.h"
 
 namespace gs {

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <system_error>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/scene/colmap_checks.h"
 

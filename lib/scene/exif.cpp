@@ -6,7 +6,7 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/image_file.h"
 
 namespace gs {

@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "kernels/core/clock.h"
+#include "kernels/base/clock.h"
 
 namespace gs {
 namespace {

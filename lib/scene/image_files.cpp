@@ -9,7 +9,7 @@
 #include <set>
 #include <system_error>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/utf8.h"
 

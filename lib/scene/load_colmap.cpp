@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/scene/colmap_reader.h"
 #include "lib/scene/image_files.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <map>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
 #include "lib/core/median.h"

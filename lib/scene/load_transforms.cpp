@@ -6,7 +6,7 @@
 #include <set>
 #include <string_view>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/scene/image_files.h"
 #include "lib/scene/point_files.h"

@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <array>
 
-#include "kernels/core/error.h"
-#include "kernels/core/spherical_harmonics.h"
+#include "kernels/base/error.h"
+#include "kernels/base/spherical_harmonics.h"
 #include "lib/core/input_file.h"
 #include "lib/io/ply_file.h"
 #include "lib/scene/colmap_reader.h"

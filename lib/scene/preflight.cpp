@@ -6,8 +6,8 @@
 #include <atomic>
 #include <cmath>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "kernels/splat/camera.h"
 #include "lib/io/orientation.h"
 #include "lib/scene/image_files.h"

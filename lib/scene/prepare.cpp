@@ -9,7 +9,7 @@
 #include <fstream>
 #include <set>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
 #include "lib/core/process.h"

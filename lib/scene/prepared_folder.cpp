@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <vector>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/temporary.h"

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <memory>
 
-#include "kernels/core/error.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/error.h"
+#include "kernels/base/rng.h"
 #include "lib/scene/procedural_description.h"
 
 namespace gs {

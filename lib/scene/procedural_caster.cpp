@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 
 namespace gs::procedural {
 namespace {

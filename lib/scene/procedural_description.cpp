@@ -10,8 +10,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "kernels/core/error.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/error.h"
+#include "kernels/base/rng.h"
 #include "lib/core/input_file.h"
 #include "lib/core/yaml_text.h"
 #include "lib/scene/procedural_yaml.h"

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <set>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/nearest.h"
 
 namespace gs::procedural {

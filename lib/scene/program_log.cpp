@@ -7,7 +7,7 @@
 #include <cerrno>
 #include <utility>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/process.h"
 #include "lib/io/temporary.h"

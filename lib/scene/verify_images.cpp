@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "lib/scene/source_scene.h"
 
 namespace gs {

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
 #include "lib/io/temporary.h"

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/orientation.h"
 #include "lib/scene/resized.h"
 #include "lib/scene/undistort.h"

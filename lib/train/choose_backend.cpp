@@ -4,7 +4,7 @@
 
 #include <mutex>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/bytes.h"
 #include "lib/core/log.h"

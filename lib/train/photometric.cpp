@@ -8,7 +8,7 @@
 #include <cmath>
 #include <map>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 

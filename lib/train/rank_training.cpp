@@ -7,8 +7,8 @@
 #include <map>
 #include <set>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "kernels/ranks/message.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"

@@ -6,8 +6,8 @@
 #include <limits>
 
 #include "appearance/model_info.h"
-#include "kernels/core/clock.h"
-#include "kernels/core/error.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"

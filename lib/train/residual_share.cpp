@@ -9,7 +9,7 @@
 #include <iterator>
 #include <numeric>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/model/appearance_spec.h"
 
 namespace gs {

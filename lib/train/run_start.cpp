@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/core/run_config.h"
 #include "lib/io/safetensors.h"

@@ -8,8 +8,8 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/ranks/message.h"
 #include "lib/core/log.h"

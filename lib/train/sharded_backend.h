@@ -10,8 +10,8 @@
 #include "kernels/ranks/backend.h"
 #include "kernels/ranks/message.h"
 #include "lib/core/train_options.h"
+#include "lib/group/rank_team.h"
 #include "lib/io/image.h"
-#include "lib/ranks/rank_team.h"
 
 namespace gs {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "kernels/core/error.h"
-#include "kernels/model/gaussian_state.h"
+#include "kernels/base/error.h"
+#include "kernels/state/gaussian_state.h"
 #include "lib/core/log.h"
 
 namespace gs {

@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-#include "kernels/core/clock.h"
+#include "kernels/base/clock.h"
 
 namespace gs {
 

@@ -8,9 +8,9 @@
 #include <new>
 #include <optional>
 
-#include "kernels/core/clock.h"
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "lib/core/duration.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"

@@ -8,8 +8,8 @@
 #include <thread>
 #include <utility>
 
-#include "kernels/core/clock.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/rng.h"
 #include "lib/core/bytes.h"
 #include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <utility>
 
-#include "kernels/core/rng.h"
+#include "kernels/base/rng.h"
 
 namespace gs {
 

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/backend.h"
 
 #include "appearance_types.inc"

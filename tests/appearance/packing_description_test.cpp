@@ -7,7 +7,7 @@
 #include "appearance/expression.h"
 #include "appearance/model_info.h"
 #include "appearance/packing.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

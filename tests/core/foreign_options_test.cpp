@@ -10,7 +10,7 @@
 #include <set>
 #include <sstream>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options_cli.h"
 #include "tests/core/temporary_folder.h"
 

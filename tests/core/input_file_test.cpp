@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/core/unprivileged.h"
 

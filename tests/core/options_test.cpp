@@ -14,7 +14,7 @@
 #include <sstream>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

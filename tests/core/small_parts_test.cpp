@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/bytes.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"

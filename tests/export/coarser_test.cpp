@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/core/portable.h"
+#include "kernels/base/portable.h"
 #include "tests/model/model_helpers.h"
 
 namespace gs::test {

@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/export/http_client.h"
 #include "tests/io/file_helpers.h"
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/export/sh_projection.h"
 #include "lib/export/site.h"
 #include "lib/export/splat_file.h"

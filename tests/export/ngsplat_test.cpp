@@ -6,7 +6,7 @@
 #include <cstring>
 #include <numeric>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/export/file_order.h"
 #include "lib/export/pack_scene.h"
 #include "lib/export/packed_model.h"

@@ -6,7 +6,7 @@
 
 #include "appearance/contract.h"
 #include "appearance/neural/neural.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ppisp/ppisp_device.h"
 #include "lib/export/file_order.h"
 #include "lib/export/pack_ppisp.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "appearance/sh_basis.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/backend.h"
 #include "lib/export/sh_fit.h"
 #include "lib/scene/camera_params.h"

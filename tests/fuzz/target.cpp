@@ -6,7 +6,7 @@
 #include <iterator>
 #include <stdexcept>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/core/temporary_folder.h"
 
 namespace gs::fuzz {

@@ -15,7 +15,7 @@ namespace gs::fuzz {
 struct Target {
     std::string_view name;                ///< the folder of its corpus, "colmap_cameras.bin"
     std::vector<std::string> (*seeds)();  ///< returns valid inputs
-    /// Reads the input as the program would. Returns, or throws an error of kernels/core/error.h.
+    /// Reads the input as the program would. Returns, or throws an error of kernels/base/error.h.
     void (*read)(const std::string& bytes);
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // More instances than there is room for, and more than there may ever be. Skipped where there is no device.
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
 

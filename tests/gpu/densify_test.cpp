@@ -6,7 +6,7 @@
 #include <bit>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/ranks/backend.h"
 #include "tests/kernels/random_scene.h"

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/gpu/gpu_test.h"
 #include "tests/kernels/random_tensors.h"
 

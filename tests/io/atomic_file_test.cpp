@@ -4,7 +4,7 @@
 
 #include <unistd.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/io/file_helpers.h"
 #include "tests/io/limits.h"
 

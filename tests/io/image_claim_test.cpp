@@ -8,7 +8,7 @@
 
 #include <cstring>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/image.h"
 #include "tests/io/file_helpers.h"
 

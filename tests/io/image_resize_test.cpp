@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/image.h"
 
 namespace gs {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/io/file_helpers.h"
 #include "tests/io/limits.h"
 

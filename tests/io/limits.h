@@ -9,7 +9,7 @@
 
 #include <string>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs::test {
 

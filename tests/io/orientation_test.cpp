@@ -2,7 +2,7 @@
 // EXIF orientation: which way pixels are turned, and that copies keep all else.
 #include "lib/io/orientation.h"
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/io/file_helpers.h"
 #include "tests/io/tagged_image.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/io/file_helpers.h"
 
 namespace gs::test {

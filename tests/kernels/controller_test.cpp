@@ -7,7 +7,7 @@
 #include <cmath>
 #include <random>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 
 namespace gs {
 namespace {

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <set>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/mcmc_device.h"
 #include "kernels/optimizer/sgld_noise_device.h"

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <vector>
 
-#include "kernels/core/device_array.h"
+#include "kernels/base/device_array.h"
 #include "kernels/ranks/communicator.h"
 
 namespace gs::test {

@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "kernels/loss/loss.h"
 
 namespace gs {

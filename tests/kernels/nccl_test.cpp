@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "kernels/core/clock.h"
-#include "kernels/core/error.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/connect_devices.h"
 #include "kernels/ranks/nccl_library.h"
 #include "tests/kernels/fake_device_stream.h"

@@ -2,10 +2,10 @@
 // Adam, schedules and random numbers against published values.
 #include <gtest/gtest.h>
 
-#include "kernels/core/rng.h"
-#include "kernels/core/schedule.h"
-#include "kernels/model/adam_device.h"
+#include "kernels/base/rng.h"
+#include "kernels/base/schedule.h"
 #include "kernels/optimizer/update_device.h"
+#include "kernels/state/adam_device.h"
 
 namespace gs {
 namespace {

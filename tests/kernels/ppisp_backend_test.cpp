@@ -2,8 +2,8 @@
 // PPISP inside the CPU backend: what is corrected, what learns, and what it finds.
 #include <gtest/gtest.h>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "kernels/ppisp/ppisp.h"
 #include "kernels/ranks/backend.h"
 #include "tests/kernels/random_scene.h"

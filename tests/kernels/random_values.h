@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/core/rng.h"
+#include "kernels/base/rng.h"
 
 namespace gs::test {
 

@@ -6,7 +6,7 @@
 #include <numeric>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/messages.h"
 #include "tests/kernels/rank_threads.h"
 #include "tests/kernels/rank_views.h"

@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "appearance/none/none.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

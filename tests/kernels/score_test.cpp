@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/score_rule.h"
 #include "kernels/ranks/backend.h"

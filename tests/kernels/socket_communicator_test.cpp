@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/kernels/rank_threads.h"
 
 namespace gs::test {

@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "tests/kernels/random_tensors.h"
 
 namespace gs {

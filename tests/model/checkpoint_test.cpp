@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/io/file_helpers.h"
 #include "tests/model/model_helpers.h"
 

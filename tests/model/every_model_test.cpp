@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "tests/io/file_helpers.h"

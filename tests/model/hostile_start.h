@@ -4,8 +4,8 @@
 
 #include <cstdint>
 
-#include "kernels/core/rng.h"
-#include "kernels/model/gaussian_state.h"
+#include "kernels/base/rng.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs::test {
 

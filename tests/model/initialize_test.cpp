@@ -9,7 +9,7 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/io/file_helpers.h"
 
 namespace gs::test {

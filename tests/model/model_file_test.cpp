@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/model/ply.h"
 #include "tests/io/file_helpers.h"
 #include "tests/model/model_helpers.h"

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Gaussian PLY: the layout other programs rely on, round trips, and files that are damaged.
 #include "lib/model/ply.h"
-#include "kernels/core/spherical_harmonics.h"
+#include "kernels/base/spherical_harmonics.h"
 
 #include <cmath>
 #include <cstring>
 #include <limits>
 #include <sstream>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/io/file_helpers.h"
 #include "tests/model/model_helpers.h"
 

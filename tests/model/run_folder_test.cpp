@@ -5,7 +5,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/io/ply_file.h"

@@ -7,7 +7,7 @@
 
 #include <csignal>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/io/file_helpers.h"
 
 namespace gs::test {

@@ -4,7 +4,7 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/bring_into_frame.h"
 #include "lib/model/ply.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/scene/scene_fixture.h"
 
 namespace gs {

@@ -8,7 +8,7 @@
 #include <new>
 #include <random>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/scene/scene.h"
 #include "tests/scene/scene_fixture.h"
 

@@ -7,7 +7,7 @@
 #include <atomic>
 #include <chrono>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/bytes.h"
 
 namespace gs {

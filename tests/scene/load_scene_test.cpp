@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/scene/scene.h"
 #include "tests/core/unprivileged.h"
 #include "tests/scene/scene_fixture.h"

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <sstream>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/process.h"
 #include "lib/io/image.h"
 #include "lib/scene/colmap_program.h"

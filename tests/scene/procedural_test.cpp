@@ -8,8 +8,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "lib/scene/procedural_description.h"
 
 namespace gs {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/image.h"
 #include "lib/scene/scene.h"
 #include "tests/io/file_helpers.h"

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/scene/scene_fixture.h"
 
 namespace gs {

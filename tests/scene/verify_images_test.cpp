@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/scene/image_cache.h"
 #include "tests/scene/scene_fixture.h"
 

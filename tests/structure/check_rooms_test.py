@@ -12,10 +12,10 @@ from check_rooms import find_faults  # noqa: E402
 TABLE = """<!-- rooms -->
 | room | holds | includes |
 |---|---|---|
-| `kernels/core` | scalars | |
-| `kernels/sort` | a stage | `kernels/core` |
-| `kernels/blend` | a stage | `kernels/core` |
-| `kernels/backend.h` | the interface | `kernels/core` |
+| `kernels/base` | scalars | |
+| `kernels/sort` | a stage | `kernels/base` |
+| `kernels/blend` | a stage | `kernels/base` |
+| `kernels/backend.h` | the interface | `kernels/base` |
 | `lib/train` | the loop | `kernels/backend.h` |
 <!-- end of rooms -->
 """
@@ -26,11 +26,11 @@ class CheckRooms(unittest.TestCase):
         self.folder = tempfile.TemporaryDirectory()
         self.root = Path(self.folder.name)
         self.write("docs/architecture.md", TABLE)
-        self.write("kernels/core/vec.h", "")
-        self.write("kernels/sort/sort.h", '#include "kernels/core/vec.h"\n')
-        self.write("kernels/blend/blend.h", '#include "kernels/core/vec.h"\n')
+        self.write("kernels/base/vec.h", "")
+        self.write("kernels/sort/sort.h", '#include "kernels/base/vec.h"\n')
+        self.write("kernels/blend/blend.h", '#include "kernels/base/vec.h"\n')
         self.write("kernels/backend.h", "")
-        self.write("lib/train/trainer.h", '#include "kernels/backend.h"\n#include "kernels/core/vec.h"\n')
+        self.write("lib/train/trainer.h", '#include "kernels/backend.h"\n#include "kernels/base/vec.h"\n')
 
     def tearDown(self):
         self.folder.cleanup()
@@ -48,8 +48,8 @@ class CheckRooms(unittest.TestCase):
         self.assertIn("kernels/blend may not include kernels/sort", "".join(find_faults(self.root)))
 
     def test_finds_an_include_upwards(self):
-        self.write("kernels/core/vec.h", '#include "lib/train/trainer.h"\n')
-        self.assertIn("kernels/core may not include lib/train", "".join(find_faults(self.root)))
+        self.write("kernels/base/vec.h", '#include "lib/train/trainer.h"\n')
+        self.assertIn("kernels/base may not include lib/train", "".join(find_faults(self.root)))
 
     def test_finds_a_folder_without_a_row(self):
         self.write("lib/new/thing.h", "")

@@ -7,8 +7,8 @@
 #include <map>
 #include <set>
 
-#include "kernels/core/clock.h"
-#include "kernels/core/error.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"

@@ -11,8 +11,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "kernels/core/error.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/error.h"
+#include "kernels/base/rng.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/scene/procedural.h"

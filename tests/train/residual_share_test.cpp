@@ -9,7 +9,7 @@
 #include <limits>
 #include <set>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/model/appearance_spec.h"
 #include "tests/train/forwarding_engine.h"
 

@@ -10,8 +10,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"

@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "eval/auto/find_appearance.h"
-#include "kernels/core/clock.h"
+#include "kernels/base/clock.h"
 #include "lib/core/options.h"
 #include "lib/train/rehearsal.h"
 #include "lib/train/scene_options.h"

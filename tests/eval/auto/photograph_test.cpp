@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/backend.h"
 #include "lib/model/appearance_spec.h"
 

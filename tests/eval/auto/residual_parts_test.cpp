@@ -9,7 +9,7 @@
 #include <functional>
 
 #include "eval/metrics/quantize.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/rng.h"
 #include "kernels/ranks/backend.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/scene/camera_params.h"

@@ -12,7 +12,7 @@
 #include "eval/bench/bench_cases.h"
 #include "eval/bench/generated_set.h"
 #include "eval/metrics/quantize.h"
-#include "kernels/core/parallel.h"
+#include "kernels/base/parallel.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/scene/camera_params.h"

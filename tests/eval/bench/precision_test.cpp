@@ -8,7 +8,7 @@
 
 #include "eval/bench/precision_levels.h"
 #include "eval/runs/training_options.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "kernels/ranks/backend.h"
 #include "kernels/reference_image.h"
 #include "lib/core/options.h"

@@ -9,7 +9,7 @@
 #include <atomic>
 #include <fstream>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/core/temporary_folder.h"
 
 namespace gs {

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "eval/experiments/train_run.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "tests/core/temporary_folder.h"
 

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"
 #include "tests/core/temporary_folder.h"

@@ -9,7 +9,7 @@
 #include <set>
 
 #include "eval/experiments/tradeoff_rounds.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 
 namespace gs {
 namespace {

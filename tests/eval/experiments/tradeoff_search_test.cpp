@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/core/temporary_folder.h"
 
 namespace gs {

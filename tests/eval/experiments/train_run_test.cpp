@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/experiments/target_views.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/run_folder.h"

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/json_text.h"
 #include "lib/export/site.h"
 #include "tests/core/temporary_folder.h"

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <thread>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/export/ngsplat.h"
 #include "lib/export/site.h"

@@ -9,8 +9,8 @@
 #include "eval/metrics/psnr.h"
 #include "eval/metrics/quantize.h"
 #include "eval/metrics/ssim.h"
-#include "kernels/core/error.h"
-#include "kernels/core/rng.h"
+#include "kernels/base/error.h"
+#include "kernels/base/rng.h"
 
 namespace gs {
 namespace {

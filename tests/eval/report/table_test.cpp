@@ -11,7 +11,7 @@
 #include "eval/pages/escape.h"
 #include "eval/report/comparison_format.h"
 #include "eval/runs/protocol.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 

@@ -9,7 +9,7 @@
 #include <Eigen/Dense>
 #include <tuple>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/model/cameras_json.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/runs/ring.h"

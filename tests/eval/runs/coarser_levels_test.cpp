@@ -9,7 +9,7 @@
 #include <random>
 
 #include "eval/runs/export_run.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/export/packed_model.h"

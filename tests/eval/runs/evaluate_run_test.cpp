@@ -6,7 +6,7 @@
 
 #include "eval/runs/bench_subject.h"
 #include "eval/runs/run_frame_times.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/eval/support/tiny_run.h"

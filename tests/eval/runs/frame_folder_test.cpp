@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/io/atomic_file.h"
 #include "tests/core/temporary_folder.h"
 

@@ -6,7 +6,7 @@
 
 #include <Eigen/LU>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/eval/runs/ring.h"
 
 namespace gs {

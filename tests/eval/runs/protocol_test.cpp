@@ -8,7 +8,7 @@
 
 #include "eval/metrics/psnr.h"
 #include "eval/runs/evaluate.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "tests/eval/support/fake_engine.h"
 
 namespace gs {

@@ -7,7 +7,7 @@
 
 #include <functional>
 
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/run_config.h"
 #include "lib/io/atomic_file.h"
 #include "lib/model/cameras_json.h"

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "appearance/model_info.h"
-#include "kernels/core/error.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/export/ngsplat.h"
 #include "lib/export/pack_scene.h"

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// The host-side form of a model under training. Backends upload and download it, and files store it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "kernels/base/appearance_spec.h"
+#include "kernels/state/ppisp_state.h"
+
+namespace gs {
+
+/// The parameter groups of one Gaussian, in file order. Every densification operation treats them alike, as rows.
+enum class Group : int { kMean, kScale, kRotation, kOpacity, kBase, kResidual };
+inline constexpr int kNumGroups = 6;
+inline constexpr std::array<const char*, kNumGroups> kGroupNames = {"means",         "raw_scales",  "rotations",
+                                                                    "raw_opacities", "base_colors", "residuals"};
+
+/// The values of one group, `width` per Gaussian, row-major (N, width).
+template <class Real> struct GroupArrays {
+    int width = 0;
+    std::vector<Real> param;  ///< raw (pre-activation) values
+    std::vector<Real> m, v;   ///< Adam moments; empty when the optimizer state was dropped
+};
+
+/// All Gaussians of a model. The groups are means (N,3) in world units; raw_scales (N,3), log; rotations (N,4), w,x,y,z
+/// unnormalised; raw_opacities (N,1), logit; base_colors (N,3), pre-activation with Y0 folded in; residuals (N,R) in
+/// the model's own layout.
+template <class Real> struct GaussianState {
+    std::int64_t count = 0;
+    AppearanceSpec appearance;
+    int active_degree = 0;
+    std::int64_t step = 0;  ///< optimizer steps, skipped ones included; Adam's t
+    std::array<GroupArrays<Real>, kNumGroups> groups;
+    /// The weights that all Gaussians share, one row in the model's own layout; width 0 for a model without any.
+    GroupArrays<Real> shared;
+    /// The ADC statistic since the last densification, one value per Gaussian: the summed norm of the screen-space mean
+    /// gradient, and the number of views in which it was seen. Both are empty where nothing gathers them.
+    std::vector<Real> gradient_sum, gradient_count;
+    /// The step that each Gaussian took last, where only visible ones take steps; else empty. Whole numbers, which are
+    /// exact up to 2^24.
+    std::vector<Real> last_step;
+    PpispState ppisp;  ///< photometric differences between the training images; inactive where a scene needs none
+
+    /// Returns K, the number of Gaussians with a residual: the first ones. The arrays of that group have only their
+    /// rows. 0 for a model without residuals.
+    std::int64_t num_residuals() const {
+        const auto& residuals = (*this)[Group::kResidual];
+        return residuals.width > 0 ? std::int64_t(residuals.param.size()) / residuals.width : 0;
+    }
+    /// Returns whether some Gaussians lack the residual that the model has.
+    bool is_mixed() const { return (*this)[Group::kResidual].width > 0 && num_residuals() < count; }
+    /// Returns the number of rows of a group's arrays.
+    std::int64_t num_rows(Group g) const { return g == Group::kResidual && is_mixed() ? num_residuals() : count; }
+
+    GroupArrays<Real>& operator[](Group g) { return groups[static_cast<int>(g)]; }
+    const GroupArrays<Real>& operator[](Group g) const { return groups[static_cast<int>(g)]; }
+};
+
+using Gaussians = GaussianState<float>;
+
+/// The rows of a model, or of a part of it.
+struct RowCounts {
+    std::int64_t count = 0, num_residuals = 0;  ///< all, and the first of them, which have a residual
+};
+
+}  // namespace gs

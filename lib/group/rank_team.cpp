@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: Apache-2.0
+// Watches the ranks in a thread of its own, and breaks off what waits for them when one is lost.
+#include "lib/group/rank_team.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <csignal>
+#include <cstdlib>
+#include <functional>
+#include <mutex>
+#include <new>
+#include <optional>
+#include <sstream>
+#include <thread>
+#include <utility>
+
+#include "kernels/base/clock.h"
+#include "kernels/base/error.h"
+#include "kernels/ranks/connect_devices.h"
+#include "kernels/ranks/message.h"
+#include "kernels/ranks/socket_communicator.h"
+#include "lib/core/interrupt.h"
+#include "lib/group/local_ranks.h"
+#include "lib/group/roster.h"
+#include "lib/group/route.h"
+#include "lib/group/secret.h"
+
+namespace gs {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// Between two looks at the processes of this machine, and between two reports to rank 0.
+constexpr milliseconds kLook(100), kReport(1000);
+/// A connection may break before the reason is known: how long an error waits for it.
+constexpr double kWaitForReason = 3;
+/// How long a rank waits for the connection of another until it looks whether something failed.
+constexpr double kLookForRank = 0.1;
+/// How long a rank whose connection was broken off may go on with what it does.
+constexpr milliseconds kMostDelay(10000);
+
+const char* environment(const char* name) { return std::getenv(name); }
+
+std::string host_name() {
+    char name[256] = {};
+    ::gethostname(name, sizeof name - 1);
+    return name;
+}
+
+/// Returns what tells a job from others that meet at the same port.
+std::string job_of(const std::string& work, int size) {
+    std::string job = fmt::format("{} ranks: {}", size, work);
+    for (const char* name : {"SLURM_JOB_ID", "SLURM_STEP_ID", "TORCHELASTIC_RUN_ID"})
+        if (const char* value = environment(name)) job += fmt::format("\n{} {}", name, value);
+    return job;
+}
+
+/// Says of an error of the connection why it broke.
+class ExplainingCommunicator final : public Communicator {
+  public:
+    ExplainingCommunicator(std::unique_ptr<Communicator> connection, std::function<std::string()> reason)
+        : Communicator(connection->rank(), connection->size()),
+          connection_(std::move(connection)),
+          reason_(std::move(reason)) {}
+
+  private:
+    void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
+        try {
+            connection_->exchange(out, in);
+        } catch (const DeviceError& e) {
+            const std::string reason = reason_();
+            if (!reason.empty()) throw DeviceError(reason);
+            throw DeviceError(rank() == 0 ? e.what() : "the connection to rank 0 was lost");
+        }
+    }
+    void transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
+                            DeviceStream& device) override {
+        explaining([&] { Communicator::transfer_on_device(out, in, device); });
+    }
+    void finish_on_device() override {
+        explaining([&] { Communicator::finish_on_device(); });
+    }
+    template <class Fn> void explaining(Fn&& transfer) {
+        try {
+            transfer();
+        } catch (const DeviceError& e) {  // of the link, or of this rank's own device
+            const std::string reason = reason_();
+            throw DeviceError(reason.empty() ? e.what() : reason);
+        }
+    }
+    void break_off() override { connection_->abort(); }
+
+    const std::unique_ptr<Communicator> connection_;
+    const std::function<std::string()> reason_;
+};
+
+}  // namespace
+
+struct RankTeam::Implementation {
+    RankPlace place;
+    Credentials credentials;
+    std::optional<Roster> roster;  ///< on rank 0
+    std::optional<RankPort> port;  ///< on rank 0 as long as it lives, on others while ranks connect
+    std::optional<LocalRanks> processes;
+    std::optional<RosterClient> client;  ///< on the others
+    std::mutex mutex;
+    std::condition_variable ending_changed;
+    bool ending = false;
+    std::string failure;  ///< on other ranks than 0, what rank 0 said or why it cannot be reached
+    std::unique_ptr<Communicator> communicator;
+    bool asked_devices = false;  ///< whether connect_devices() was called
+    std::thread watch;
+
+    std::string reason() {
+        if (roster) return roster->failure();
+        const std::lock_guard lock(mutex);
+        return failure;
+    }
+    /// Waits a little for the reason of an error.
+    std::string awaited_reason() {
+        const double start = seconds_now();
+        while (true) {
+            if (const std::string text = reason(); !text.empty() || seconds_now() - start > kWaitForReason) return text;
+            std::this_thread::sleep_for(milliseconds(20));
+        }
+    }
+
+    void set(const std::string& key, const std::vector<char>& value) {
+        roster ? roster->set(key, value) : client->set(key, value);
+    }
+    std::vector<char> get(const std::string& key) {
+        if (client) return client->get(key);
+        while (true) {
+            if (auto value = roster->get(key, 1)) return *value;
+            check_whether_to_wait();
+        }
+    }
+    void check_whether_to_wait() {
+        if (const std::string text = reason(); !text.empty()) throw DeviceError(text);
+        if (interrupted()) throw Interrupted("interrupted before all ranks had come");
+    }
+
+    /// Returns the address by which the other ranks reach this one, which is not rank 0; an empty text if it is that by
+    /// which they reach rank 0.
+    std::string own_address() const {
+        if (place.local_size == place.size) return "127.0.0.1";
+        const Route route = route_to(place.master, place.port);
+        return route.is_local() ? "" : route.own;
+    }
+
+    /// Returns a connection to each other rank. Each rank is called by those after it: rank 0 at the port where all
+    /// meet, the others at one of their own.
+    std::vector<Descriptor> connect_all() {
+        const auto key = [](int r) { return "gsapp/address of rank " + std::to_string(r); };
+        std::vector<Descriptor> to_rank(std::size_t(place.size));
+        if (place.rank > 0 && place.rank + 1 < place.size) {
+            const std::string host = own_address();
+            port.emplace(host.empty() ? "0.0.0.0" : host, 0, place.rank, place.size, credentials);
+            const std::string address = fmt::format("{} {}", port->port(), host);
+            set(key(place.rank), {address.begin(), address.end()});
+        }
+        for (int r = 0; r < place.rank; ++r) {
+            RankAddress address{r, place.master, place.port};
+            if (r > 0) {
+                const std::vector<char> text = get(key(r));
+                std::istringstream words(std::string(text.begin(), text.end()));
+                words >> address.port >> address.host;  // which stays that of rank 0 if there is no other
+            }
+            ask(address, {RankRequest::Call::kConnect, place.rank, "", ""}, credentials, kLongestSilence,
+                &to_rank[std::size_t(r)]);
+        }
+        for (int r = place.rank + 1; r < place.size; ++r) {
+            std::optional<Descriptor> connection;
+            while (!(connection = port->take(r, kLookForRank))) check_whether_to_wait();
+            to_rank[std::size_t(r)] = std::move(*connection);
+        }
+        if (place.rank > 0) port.reset();
+        return to_rank;
+    }
+
+    /// Waits for `time`, or returns true at once when the team ends.
+    bool ends_within(milliseconds time) {
+        std::unique_lock lock(mutex);
+        return ending_changed.wait_for(lock, time, [&] { return ending; });
+    }
+
+    void watch_on_rank_0() {
+        while (!ends_within(kLook)) {
+            if (processes)
+                if (const auto lost = processes->first_lost()) {
+                    // A rank that reports its error does so before it ends; the first that is noted counts.
+                    roster->fail(*lost);
+                }
+            roster->look_for_lost_ranks();
+            if (!roster->failure().empty()) return break_off();
+        }
+    }
+
+    void report_to_rank_0() {
+        const std::string host = host_name();
+        while (!ends_within(kReport)) {
+            std::string text;
+            try {
+                text = client->report(host, kLongestSilence);
+            } catch (const DeviceError& e) {
+                text = e.what();
+            }
+            if (text.empty()) continue;
+            {
+                const std::lock_guard lock(mutex);
+                failure = text;
+            }
+            break_off();
+            // It may be in the middle of a long computation. Nothing that it does is of use any more.
+            if (!ends_within(kMostDelay)) ::_exit(int(ExitCode::kDevice));
+            return;
+        }
+    }
+
+    void break_off() {
+        const std::lock_guard lock(mutex);
+        if (communicator) communicator->abort();
+    }
+
+    void end() {
+        {
+            const std::lock_guard lock(mutex);
+            ending = true;
+        }
+        ending_changed.notify_all();
+        if (watch.joinable()) watch.join();
+    }
+};
+
+std::unique_ptr<RankTeam> RankTeam::join(int local_ranks, const std::string& work) {
+    const auto place = rank_place(environment);
+    if (place && local_ranks > 1 && local_ranks != place->size)
+        throw UsageError(fmt::format("option ranks: {} is not the number of processes that were started, which is {}",
+                                     local_ranks, place->size));
+    if (!place && local_ranks <= 1) return nullptr;
+    auto team = std::make_unique<Implementation>();
+    const Credentials& credentials = team->credentials = {place ? shared_secret(environment) : random_secret(),
+                                                          job_of(work, place ? place->size : local_ranks)};
+    if (!place) {
+        team->place = {0, local_ranks, 0, local_ranks, "127.0.0.1", 0};
+        team->roster.emplace(local_ranks);
+        team->port.emplace("127.0.0.1", 0, 0, local_ranks, credentials, answers_of(*team->roster));
+        team->processes.emplace(local_ranks, team->port->port(), credentials.secret);
+    } else {
+        team->place = *place;
+        if (place->rank == 0) {
+            team->roster.emplace(place->size);
+            team->port.emplace("0.0.0.0", place->port, 0, place->size, credentials, answers_of(*team->roster));
+        } else {
+            end_with_rank_0();
+            // Signals to all processes of a job are for rank 0, which ends the others when it has saved the model.
+            for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);
+            team->client.emplace(place->rank, place->master, place->port, credentials);
+            const std::string failure = team->client->report(host_name(), kLongestWait);
+            if (!failure.empty()) throw DeviceError(failure);
+        }
+    }
+    Implementation* const watched = team.get();
+    team->watch =
+        std::thread([watched] { watched->roster ? watched->watch_on_rank_0() : watched->report_to_rank_0(); });
+    return std::unique_ptr<RankTeam>(new RankTeam(std::move(team)));
+}
+
+RankTeam::RankTeam(std::unique_ptr<Implementation> implementation) : implementation_(std::move(implementation)) {}
+
+RankTeam::~RankTeam() {
+    Implementation& team = *implementation_;
+    const bool whole = team.reason().empty();
+    team.end();
+    if (!team.roster) return;
+    bool left = false;
+    try {
+        if (whole && team.communicator) {
+            send_to_others(*team.communicator, MessageWriter().put(TeamCall::kLeave));
+            left = true;
+        }
+    } catch (const Error&) {  // the connection was broken off in the middle of something
+    }
+    if (!left) {
+        team.roster->fail("rank 0 has ended");
+        if (team.communicator) team.communicator->abort();  // nobody is there to take leave of
+        if (team.processes)
+            team.processes->kill();
+        else
+            std::this_thread::sleep_for(2 * kReport);  // so that ranks elsewhere hear of it
+    }
+    team.communicator.reset();  // the devices take leave of each other
+    team.processes.reset();     // waits for them
+}
+
+int RankTeam::rank() const { return implementation_->place.rank; }
+int RankTeam::size() const { return implementation_->place.size; }
+int RankTeam::local_size() const { return implementation_->place.local_size; }
+int RankTeam::local_rank() const { return implementation_->place.local_rank; }
+
+void RankTeam::set(const std::string& key, const std::string& value) {
+    implementation_->set("gsapp/" + key, {value.begin(), value.end()});
+}
+std::string RankTeam::get(const std::string& key) {
+    const auto value = implementation_->get("gsapp/" + key);
+    return {value.begin(), value.end()};
+}
+
+Communicator& RankTeam::communicator() {
+    Implementation& team = *implementation_;
+    if (team.communicator) return *team.communicator;
+    std::unique_ptr<Communicator> connection;
+    try {
+        connection = connect_by_sockets(rank(), team.connect_all());
+    } catch (const DeviceError& e) {
+        const std::string reason = team.awaited_reason();
+        throw DeviceError(reason.empty() ? e.what() : reason);
+    }
+    auto explaining =
+        std::make_unique<ExplainingCommunicator>(std::move(connection), [&team] { return team.awaited_reason(); });
+    const std::lock_guard lock(team.mutex);
+    team.communicator = std::move(explaining);
+    // A failure from before was told to nobody.
+    if (!team.failure.empty() || (team.roster && !team.roster->failure().empty())) team.communicator->abort();
+    return *team.communicator;
+}
+
+std::string RankTeam::connect_devices(const std::string& device) {
+    if (std::exchange(implementation_->asked_devices, true)) return "";
+    try {
+        return gs::connect_devices(communicator(), device);
+    } catch (const DeviceError& e) {
+        const std::string reason = implementation_->awaited_reason();
+        throw DeviceError(reason.empty() ? e.what() : reason);
+    }
+}
+
+void RankTeam::agree(const std::string& text) {
+    constexpr const char* kStarted = "options";
+    if (rank() == 0) return set(kStarted, text);
+    const std::string first = get(kStarted);
+    std::istringstream a(first), b(text);
+    for (std::string line_a, line_b; std::getline(a, line_a) && std::getline(b, line_b);)
+        if (line_a != line_b)
+            throw UsageError(fmt::format("it was started with '{}', rank 0 with '{}'", line_b, line_a));
+    if (first != text) throw UsageError("its options are not those of rank 0");
+}
+
+void RankTeam::follow(const std::function<void()>& part) {
+    try {
+        part();
+    } catch (const std::bad_alloc&) {
+        if (!fail("out of memory")) throw;
+        throw DeviceError("");
+    } catch (const std::exception& e) {
+        if (!fail(e.what())) throw;
+        throw DeviceError("");  // rank 0 says it
+    }
+}
+
+/// Tells why this rank ends. Returns false if rank 0 cannot be told.
+bool RankTeam::fail(const std::string& message) {
+    try {
+        implementation_->client->fail(fmt::format("rank {} on {}: {}", rank(), host_name(), message));
+        return true;
+    } catch (const DeviceError&) {
+        return false;
+    }
+}
+
+}  // namespace gs

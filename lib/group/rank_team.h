@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// The ranks of a training: finds or starts them, connects them, and ends them all when one is lost.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "kernels/ranks/communicator.h"
+#include "lib/group/rank_place.h"
+
+namespace gs {
+
+class RankTeam {
+  public:
+    /// Joins the ranks that torchrun or Slurm started (rank_place), or else starts `local_ranks` - 1 processes beside
+    /// this one, which becomes rank 0. They get the same command line. `work` says what they are started for, such as
+    /// the run folder: ranks that were started for something else, and meet at the same port, do not disturb these.
+    /// Ranks without the secret of these (shared_secret; a new one for processes started here) are refused. Returns
+    /// null for a process that works alone. Throws UsageError if both are asked for and differ or if there is no
+    /// secret, DeviceError when rank 0 cannot be reached.
+    static std::unique_ptr<RankTeam> join(int local_ranks, const std::string& work);
+    /// Rank 0 tells the others that there is nothing more to do.
+    ~RankTeam();
+
+    int rank() const;
+    int size() const;
+    /// Returns the number of ranks on this machine, and which of them this is.
+    int local_size() const;
+    int local_rank() const;
+
+    /// Shows all ranks a value, and waits for one. Throws DeviceError when a rank is lost first.
+    void set(const std::string& key, const std::string& value);
+    std::string get(const std::string& key);
+
+    /// Connects all ranks, the first time that it is called; all must call it. Its calls throw DeviceError with what
+    /// went wrong, if it did, within kLongestSilence.
+    Communicator& communicator();
+
+    /// Lets the devices of the ranks exchange arrays without the host, if they can (gs::connect_devices); all ranks
+    /// must call it. Returns why they cannot. Does nothing when it is called again.
+    std::string connect_devices(const std::string& device);
+
+    /// Makes sure that all ranks were started alike. Rank 0 shows `text`, a choice in each line. The others throw
+    /// UsageError naming the first line in which theirs differs.
+    void agree(const std::string& text);
+    /// On another rank than 0: calls part(), and tells rank 0 what goes wrong there, which prints it. Throws
+    /// DeviceError without a message then; what part() threw if rank 0 cannot be told.
+    void follow(const std::function<void()>& part);
+
+  private:
+    bool fail(const std::string& message);
+
+    struct Implementation;
+    explicit RankTeam(std::unique_ptr<Implementation> implementation);
+    std::unique_ptr<Implementation> implementation_;
+};
+
+/// The messages with which rank 0 begins and ends what the others do: hold rows of a model, or leave.
+enum class TeamCall : std::uint8_t { kHold, kLeave };
+
+}  // namespace gs
