@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-# Run at installation: copies the shared libraries that bin/gsapp needs into lib/gsapp, and their Debian packages' names,
-# versions and licences into share/doc/gsapp/libraries. glibc and libgcc stay the system's, because a GPU's driver uses them
-# as well.
+# Run at installation: copies the shared libraries that bin/gsapp and its module for images need into lib/gsapp, and
+# their Debian packages' names, versions and licences into share/doc/gsapp/libraries. glibc and libgcc stay the system's,
+# because a GPU's driver uses them as well.
 set(root $ENV{DESTDIR}${CMAKE_INSTALL_PREFIX})
-file(GET_RUNTIME_DEPENDENCIES EXECUTABLES ${root}/bin/gsapp RESOLVED_DEPENDENCIES_VAR libraries
+file(GET_RUNTIME_DEPENDENCIES EXECUTABLES ${root}/bin/gsapp MODULES ${root}/lib/gsapp/libgsapp_images.so
+  RESOLVED_DEPENDENCIES_VAR libraries
   PRE_EXCLUDE_REGEXES "^ld-linux" "^lib(c|m|dl|rt|pthread|resolv|util|mvec|anl|gcc_s)\\.so")
 file(MAKE_DIRECTORY ${root}/lib/gsapp ${root}/share/doc/gsapp/libraries)
 set(paths "")

@@ -53,6 +53,8 @@ function(gs_add_tests label)
   string(REPLACE "/" "_" name ${relative})
   add_executable(${name} ${CMAKE_SOURCE_DIR}/tests/main.cpp ${sources} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE gsapp_flags ${ARG_LINK} GTest::gtest)
+  cmake_path(GET CMAKE_CURRENT_BINARY_DIR PARENT_PATH beside)
+  gs_link_program_files(${beside}) # cmake/install.cmake
   if(ARG_QUICK)
     gs_precompile(${name} quick_tests)
   else()

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-# What `cmake --install` puts where. The program finds its files in ../share/gsapp (lib/core/program_files.h), so bin and
-# share stay side by side and the whole can be moved. The build tree has the same layout.
+# What `cmake --install` puts where. The program finds its files in ../share/gsapp and ../lib/gsapp (lib/core/program_files.h),
+# so bin, lib and share stay side by side and the whole can be moved. The build tree has the same layout.
 
-# gs_link_shared_files(FOLDER): gives programs in a folder beside FOLDER/share the files that an installed program has.
-function(gs_link_shared_files folder)
-  file(MAKE_DIRECTORY ${folder}/share/gsapp)
+# gs_link_program_files(FOLDER): gives programs in the folders of FOLDER the files that an installed program has.
+function(gs_link_program_files folder)
+  file(MAKE_DIRECTORY ${folder}/share/gsapp ${folder}/lib)
   file(CREATE_LINK ${CMAKE_SOURCE_DIR}/apps/viewer/dist ${folder}/share/gsapp/viewer SYMBOLIC)
+  if(NOT folder STREQUAL CMAKE_BINARY_DIR)
+    file(CREATE_LINK ${CMAKE_BINARY_DIR}/lib/gsapp ${folder}/lib/gsapp SYMBOLIC)
+  endif()
 endfunction()
-gs_link_shared_files(${CMAKE_BINARY_DIR})
+gs_link_program_files(${CMAKE_BINARY_DIR})
 
 # The manual page and the completions come from the program's own table of commands.
 set(share ${CMAKE_BINARY_DIR}/share)
@@ -25,8 +28,10 @@ set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME program)
 # Libraries in lib/gsapp are found if a package brings them (cmake/package.cmake). The older kind of path also counts for
 # the libraries that these need themselves.
 target_link_options(gsapp PRIVATE -Wl,--disable-new-dtags)
+target_link_options(gsapp_images PRIVATE -Wl,--disable-new-dtags)
 set_target_properties(gsapp PROPERTIES INSTALL_RPATH "$ORIGIN/../lib/gsapp")
-install(TARGETS gsapp RUNTIME DESTINATION bin)
+set_target_properties(gsapp_images PROPERTIES INSTALL_RPATH "$ORIGIN")
+install(TARGETS gsapp gsapp_images RUNTIME DESTINATION bin LIBRARY DESTINATION lib/gsapp)
 install(DIRECTORY ${CMAKE_SOURCE_DIR}/apps/viewer/dist/ DESTINATION share/gsapp/viewer OPTIONAL)
 install(DIRECTORY ${CMAKE_SOURCE_DIR}/scenes DESTINATION share/gsapp PATTERN procedural EXCLUDE) # those are compiled in
 install(PROGRAMS ${CMAKE_SOURCE_DIR}/scripts/download ${CMAKE_SOURCE_DIR}/scripts/export_metric_weights.py DESTINATION share/gsapp/scripts)

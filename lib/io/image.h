@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images in memory and on disk. All decoding and encoding goes through OpenImageIO.
+// Images in memory and on disk. All decoding and encoding goes through OpenImageIO, which the first call loads
+// (lib/io/image_module.h); every function here that reads or writes throws DeviceError where that fails.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 namespace gs {
@@ -25,10 +27,16 @@ struct Image {
     }
 };
 
+/// Exposure settings in a file's metadata. Settings that are absent, zero, negative or not finite are empty.
+struct ExifSettings {
+    std::optional<double> seconds, iso, f_number;
+};
+
 struct ImageInfo {
     int width = 0, height = 0, channels = 0;
     bool float_data = false;  ///< read_image would return float
     int orientation = 1;      ///< EXIF tag 1..8, 1 where the file has none; `width` and `height` are those stored
+    ExifSettings exposure;
 };
 
 /// Returns the 8-bit value of a channel: clamped to [0,1], *255, +0.5, truncated; 0 for NaN.

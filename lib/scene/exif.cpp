@@ -4,30 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 
 #include "kernels/base/error.h"
-#include "lib/io/image_file.h"
 
 namespace gs {
-namespace {
-
-std::optional<double> positive(const OIIO::ImageSpec& spec, std::initializer_list<const char*> names) {
-    for (const char* name : names) {
-        const double value = spec.get_float_attribute(name, 0);
-        if (value > 0 && std::isfinite(value)) return value;
-    }
-    return {};
-}
-
-}  // namespace
 
 ExifSettings read_exif_settings(const std::filesystem::path& path) {
     try {
-        const ImageFile file(path);
-        const OIIO::ImageSpec& spec = file.spec();
-        return {positive(spec, {"ExposureTime"}),
-                positive(spec, {"Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings"}), positive(spec, {"FNumber"})};
+        return read_image_info(path).exposure;
     } catch (const DataError&) {
         return {};
     }

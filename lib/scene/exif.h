@@ -6,12 +6,9 @@
 #include <optional>
 #include <vector>
 
-namespace gs {
+#include "lib/io/image.h"
 
-/// Exposure settings in a file's metadata. Settings that are absent, zero, negative or not finite are empty.
-struct ExifSettings {
-    std::optional<double> seconds, iso, f_number;
-};
+namespace gs {
 
 /// Reads the settings from the header only. They are all empty for a file that cannot be opened or has no metadata.
 ExifSettings read_exif_settings(const std::filesystem::path& path);

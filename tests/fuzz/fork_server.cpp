@@ -15,6 +15,8 @@
 #include <string>
 #include <vector>
 
+#include "lib/io/image_module.h"
+
 // The linker gives the program's own main this name (--wrap=main), and calls ours.
 extern "C" int __real_main(int argc, char** argv);
 extern "C" int __wrap_main(int argc, char** argv);
@@ -60,6 +62,7 @@ void redirect(const std::string& file, int descriptor) {
 }  // namespace
 
 int __wrap_main(int, char**) {
+    gs::image_module();  // else every command would load it
     for (std::string line; std::getline(std::cin, line);) {
         const std::vector<std::string> fields = fields_of(line);
         if (fields.size() < 5) return 2;

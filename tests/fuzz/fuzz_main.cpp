@@ -9,6 +9,7 @@
 #include <string>
 
 #include "lib/core/log.h"
+#include "lib/io/image_module.h"
 #include "tests/fuzz/target.h"
 
 namespace {
@@ -53,6 +54,7 @@ extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
         }
     }
     *argc = kept;
+    gs::image_module();  // before inputs are timed
     if (chosen) return 0;
     std::cerr << "fuzz: --target=NAME is missing, or names none of those that --list prints\n";
     std::exit(2);

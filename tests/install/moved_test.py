@@ -18,6 +18,7 @@ import urllib.request
 
 EXPECTED = (
     "bin/gsapp",
+    "lib/gsapp/libgsapp_images.so",
     "share/man/man1/gsapp.1",
     "share/bash-completion/completions/gsapp",
     "share/zsh/site-functions/_gsapp",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opens and decodes image files with OpenImageIO.
-#include "lib/io/image_file.h"
+#include "lib/images/image_file.h"
 
 #include <fmt/format.h>
 
@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "kernels/base/error.h"
-#include "lib/io/image_claim.h"
 
 namespace gs {
 
@@ -66,19 +65,17 @@ bool is_damage(const std::string& format, const std::string& complaint) {
 
 }  // namespace
 
-ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
-    ImageClaim claim = read_image_claim(path);
-    // Three bytes a pixel are the least that an image becomes; the number of channels is known below.
-    if (claim.width > 0) check_image_claim(path, claim, 3.0 * double(claim.width) * double(claim.height));
+ImageFile::ImageFile(const ImageSource& source) : path_(source.path) {
+    ImageClaim claim = source.claim;
     try {
-        file_ = std::make_unique<OIIO::Filesystem::IOFile>(path.string(), OIIO::Filesystem::IOProxy::Read);
+        file_ = std::make_unique<OIIO::Filesystem::IOFile>(path_.string(), OIIO::Filesystem::IOProxy::Read);
         input_ = OIIO::ImageInput::create(claim.format);
         if (!input_) fail(fmt::format("cannot be decoded: OpenImageIO was built without {}", claim.format));
         OIIO::ImageSpec config, header;
         config.attribute("oiio:UnassociatedAlpha", 1);  // alpha stays straight where the format stores it that way
         const bool takes_file = input_->supports("ioproxy");  // all six formats do from OpenImageIO 2.4 on
         if (takes_file) input_->set_ioproxy(file_.get());
-        if (!input_->open(takes_file ? "image" : path.string(), header, config))
+        if (!input_->open(takes_file ? "image" : path_.string(), header, config))
             fail_to_decode(reason_from(input_->geterror()));
         input_->geterror();  // what was not in order with the metadata is not reported as damage to pixels
     } catch (const std::bad_alloc&) {
@@ -101,7 +98,7 @@ ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
     }
     claim.width = spec.width, claim.height = spec.height;
     const int channels = spec.nchannels == 2 || spec.nchannels > 3 ? 4 : 3, bytes = spec.format.size() > 1 ? 4 : 1;
-    check_image_claim(path, claim, double(spec.width) * spec.height * channels * bytes);
+    source.check(path_, claim, double(spec.width) * spec.height * channels * bytes);
 }
 
 template <class T> void ImageFile::decode(const std::function<void(const T*, std::size_t)>& take) {

@@ -12,6 +12,8 @@
 #include <memory>
 #include <string>
 
+#include "lib/io/image_module.h"
+
 namespace gs {
 
 /// Returns a message of OpenImageIO without the line break at its end, "unknown reason" for an empty one.
@@ -21,7 +23,7 @@ class ImageFile {
   public:
     /// Reads the header. Throws DataError naming the file and the reason. As all functions here it throws
     /// std::bad_alloc for want of memory, which is no fault of the file.
-    explicit ImageFile(const std::filesystem::path& path);
+    explicit ImageFile(const ImageSource& source);
 
     const OIIO::ImageSpec& spec() const { return input_->spec(); }
 

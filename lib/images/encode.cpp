@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// Encodes images in memory.
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <string>
+#include <type_traits>
+
+#include "kernels/base/error.h"
+#include "lib/images/image_file.h"
+#include "lib/images/images.h"
+
+namespace gs::images {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void fail(const fs::path& path, const std::string& reason) {
+    throw DataError(fmt::format("image {}: {}", path.string(), reason));
+}
+
+bool stores_float(const fs::path& path) {
+    std::string extension = path.extension().string();
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return std::tolower(c); });
+    return extension == ".exr" || extension == ".hdr" || extension == ".tif" || extension == ".tiff";
+}
+
+/// Writes the rows of an image to an open file in strips, which are converted one at a time so that no second image is
+/// held. Float formats keep floats, where EXR holds premultiplied colour by definition (`premultiply`); others hold 8
+/// bits. Returns false if the encoder failed.
+template <class Sample> bool write_rows(OIIO::ImageOutput& output, const Image& image, bool premultiply) {
+    constexpr int kRows = 256;  // a multiple of what the compressions of EXR and TIFF take together
+    constexpr auto kType = std::is_same_v<Sample, float> ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
+    const std::size_t row = std::size_t(image.width) * image.channels;
+    std::vector<Sample> strip;
+    for (int y = 0; y < image.height; y += kRows) {
+        const int end = std::min(y + kRows, image.height);
+        const std::size_t first = y * row;
+        strip.resize((end - y) * row);
+        for (std::size_t i = 0; i < strip.size(); ++i) {
+            if constexpr (std::is_same_v<Sample, float>)
+                strip[i] = image.is_float() ? image.f32[first + i] : image.u8[first + i] * (1.0f / 255.0f);
+            else
+                strip[i] = image.is_float() ? to_8_bits(image.f32[first + i]) : image.u8[first + i];
+        }
+        if (premultiply && image.channels == 4)
+            for (std::size_t i = 0; i < strip.size(); i += 4)
+                for (int c = 0; c < 3; ++c) strip[i + c] *= strip[i + 3];
+        if (!output.write_scanlines(y, end, 0, kType, strip.data())) return false;
+    }
+    return true;
+}
+
+/// Whether OpenImageIO encodes the format into memory, faithfully. It says so of JPEG 2000, too, which then cannot be
+/// read.
+bool is_encoded_in_memory(const std::string& format) {
+    for (const char* name : {"png", "jpeg", "tiff", "openexr", "webp", "bmp"})
+        if (format == name) return true;
+    return false;
+}
+
+}  // namespace
+
+// In memory, because OpenImageIO does not report that closing a file failed, and a full disk shows only then.
+std::vector<std::uint8_t> encode(const fs::path& path, const Image& image) {
+    // Only the extension of the name is passed on: OpenImageIO reads arguments out of names with a question mark.
+    const std::string name = "image" + path.extension().string();
+    const auto output = OIIO::ImageOutput::create(name);
+    if (!output) fail(path, fmt::format("cannot be written: {}", reason_from(OIIO::geterror())));
+    const std::string format = output->format_name();
+    if (!is_encoded_in_memory(format)) fail(path, fmt::format("the format '{}' cannot be written; use PNG", format));
+    // OpenImageIO's WebP writer always un-premultiplies in linear light, which changes straight colours.
+    if (format == "webp" && image.channels == 4) fail(path, "WebP cannot be written with alpha; use PNG");
+    const bool as_float = stores_float(path) && image.is_float();
+    const bool is_exr = format == "openexr";
+    const auto type = as_float || is_exr ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
+    OIIO::ImageSpec spec(image.width, image.height, image.channels, type);
+    spec.attribute("oiio:UnassociatedAlpha", is_exr ? 0 : 1);
+    if (format == "jpeg") spec.attribute("Compression", "jpeg:95");  // visually lossless previews
+
+    std::vector<std::uint8_t> bytes;
+    OIIO::Filesystem::IOVecOutput memory(bytes);
+    bool ok = output->set_ioproxy(&memory) && output->open(name, spec);
+    if (ok) {
+        ok = type == OIIO::TypeDesc::FLOAT ? write_rows<float>(*output, image, is_exr)
+                                           : write_rows<std::uint8_t>(*output, image, false);
+        ok = output->close() && ok;
+    }
+    if (!ok) fail(path, fmt::format("cannot be written: {}", reason_from(output->geterror())));
+    return bytes;
+}
+
+std::vector<std::uint8_t> encode_jpeg(const Image& image, int quality) {
+    if (image.is_float() || image.channels != 3)
+        throw UsageError("only 8-bit rgb images can be encoded as JPEG in memory");
+    std::vector<std::uint8_t> bytes;
+    OIIO::Filesystem::IOVecOutput memory(bytes);
+    const auto output = OIIO::ImageOutput::create("picture.jpg");
+    OIIO::ImageSpec spec(image.width, image.height, 3, OIIO::TypeDesc::UINT8);
+    spec.attribute("Compression", fmt::format("jpeg:{}", quality));
+    const bool ok = output && output->set_ioproxy(&memory) && output->open("picture.jpg", spec) &&
+                    output->write_image(OIIO::TypeDesc::UINT8, image.u8.data()) && output->close();
+    if (!ok)
+        throw DataError(fmt::format("a JPEG of {}x{} pixels cannot be encoded: {}", image.width, image.height,
+                                    output ? output->geterror() : OIIO::geterror()));
+    return bytes;
+}
+
+}  // namespace gs::images
