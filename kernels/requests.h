@@ -172,13 +172,6 @@ struct NonFiniteRows {};
 /// Selects Gaussians that can never be seen: opacity below 1/255 or |q|^2 < 1e-8.
 struct InvisibleRows {};
 
-/// Selects the share `ratio` (0..1) of Gaussians with the lowest scores (Backend::scores), and all whose score equals
-/// the highest of these. At least 1 % stay (kernels/densify/score_rule.h).
-struct LowestScores {
-    std::vector<RenderRequest> views;
-    double ratio = 0;
-};
-
 /// What the residuals of a model are worth to some training views (Backend::residual_scores).
 struct ResidualScores {
     /// By how much half the squared error, summed over pixels and channels, grows if a Gaussian loses its residual. One
@@ -201,7 +194,7 @@ struct PruneStats {
     std::array<std::int64_t, kNumGroups> by_group{};
 };
 
-/// Time and work of one stage, summed since the last `take_stage_costs`.
+/// Time and work of one stage, summed over the steps of a pass.
 struct StageCost {
     std::string stage;
     double seconds = 0;

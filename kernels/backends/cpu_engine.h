@@ -519,7 +519,7 @@ template <class Model> class CpuEngine : public Engine {
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
     struct {
         double gaussians = 0, visible = 0, moving = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;
-    } work_;  ///< work of the steps since the last take_stage_costs
+    } work_;  ///< work of the steps of a pass
 };
 
 }  // namespace gs

@@ -20,7 +20,6 @@ class CudaScores {
     void add(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const SlotMap* slots,
              std::int64_t num_instances);
 
-    const float* get() const { return scores_.get(); }
     /// Waits for the stream and returns the scores (n).
     std::vector<float> download() const;
 

@@ -37,10 +37,6 @@ std::int64_t remove_invisible(Gaussians& state);
 /// Returns the rows, ascending, that stay when the share `ratio` of lowest scores goes (score_rule.h).
 std::vector<std::uint32_t> rows_of_highest_scores(const std::vector<float>& scores, double ratio);
 
-/// Removes the share `ratio` of lowest scores (score_rule.h). `scores` has one value per row. Returns the number of
-/// removed Gaussians.
-std::int64_t remove_lowest_scores(Gaussians& state, const std::vector<float>& scores, double ratio);
-
 /// Returns the rows in the order of the Morton codes of their means, 21 bits an axis
 /// (docs/math/densification.md#morton-order).
 std::vector<std::uint32_t> morton_order(const Gaussians& state);

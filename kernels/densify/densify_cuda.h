@@ -23,8 +23,6 @@ class CudaDensify {
     void keep_rows(const std::vector<std::uint32_t>& rows);
     std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]);
     std::int64_t prune_invisible();
-    /// Removes the share `ratio` of lowest scores. `scores` (n) is on the device, but not in the scratch.
-    std::int64_t prune_lowest_scores(const float* scores, double ratio);
 
   private:
     CudaModel& model_;

@@ -6,8 +6,6 @@
 #include <cmath>
 #include <cstdint>
 
-#include "kernels/base/portable.h"
-
 namespace gs {
 
 /// Returns the rank of the threshold among n scores, where rank 1 is the lowest.
@@ -18,14 +16,5 @@ inline std::int64_t score_rank(double ratio, std::int64_t n) {
 /// Returns the number of rows that always stay, a hundredth. Where no view shows anything all scores are 0, and all
 /// rows would go.
 inline std::int64_t least_kept(std::int64_t n) { return (n + 99) / 100; }
-
-/// The last row that stays when rows are ordered by falling score, equal ones by index.
-struct ScoreCut {
-    float score;
-    std::uint32_t row;
-    GS_HD bool keeps(float other_score, std::uint32_t other_row) const {
-        return other_score > score || (other_score == score && other_row <= row);
-    }
-};
 
 }  // namespace gs

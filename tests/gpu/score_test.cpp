@@ -3,6 +3,7 @@
 #include "kernels/densify/densify.h"
 #include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/lowest_scores.h"
 
 namespace gs::test {
 namespace {
