@@ -16,8 +16,10 @@
 #include <exception>
 #include <filesystem>
 #include <iostream>
+#include <iterator>
 #include <new>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -89,6 +91,30 @@ void require_decimal_numbers(CLI::App& app) {
     for (CLI::App* sub : app.get_subcommands([](CLI::App*) { return true; })) require_decimal_numbers(*sub);
 }
 
+struct KnownCommand {
+    std::string_view name;
+    void (*add)(CLI::App& app, Command& selected);
+    bool describes_others = false;  ///< it prints something about all commands
+};
+constexpr KnownCommand kCommands[] = {
+    {"train", add_train_command},        {"eval", add_eval_command},
+    {"render", add_render_command},      {"export", add_export_command},
+    {"view", add_view_command},          {"prepare", add_prepare_command},
+    {"bench", add_bench_command},        {"tradeoff", add_tradeoff_command},
+    {"metrics", add_metrics_command},    {"options", add_options_command},
+    {"doctor", add_doctor_command},      {"completions", add_completions_command, true},
+    {"manual", add_manual_command, true}};
+
+/// Whether `command` has to be declared to read `words`. All together take CLI11 most of the time in which the program
+/// starts, because it compares each option with those before it.
+bool is_needed(const KnownCommand& command, const std::vector<std::string>& words) {
+    const auto is_version = [](const std::string& word) { return word == "--version" || word == "--json"; };
+    if (!words.empty() && std::all_of(words.begin(), words.end(), is_version)) return false;
+    const auto named = std::find_if(std::begin(kCommands), std::end(kCommands),
+                                    [&](const KnownCommand& one) { return !words.empty() && one.name == words[0]; });
+    return named == std::end(kCommands) || named->describes_others || named->name == command.name;
+}
+
 int run(int argc, char** argv) {
     CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
     set_up_help(app);
@@ -100,22 +126,11 @@ int run(int argc, char** argv) {
     json = app.add_flag("--json", is_json, "With --version: print it as JSON")->needs(version);
     app.require_subcommand(1);
     Command selected;
-    add_train_command(app, selected);
-    add_eval_command(app, selected);
-    add_render_command(app, selected);
-    add_export_command(app, selected);
-    add_view_command(app, selected);
-    add_prepare_command(app, selected);
-    add_bench_command(app, selected);
-    add_tradeoff_command(app, selected);
-    add_metrics_command(app, selected);
-    add_options_command(app, selected);
-    add_doctor_command(app, selected);
-    add_completions_command(app, selected);
-    add_manual_command(app, selected);
+    std::vector<std::string> words = with_foreign_command({argv + 1, argv + argc});
+    for (const KnownCommand& command : kCommands)
+        if (is_needed(command, words)) command.add(app, selected);
     require_decimal_numbers(app);
     try {
-        std::vector<std::string> words = with_foreign_command({argv + 1, argv + argc});
         std::reverse(words.begin(), words.end());  // as CLI11 takes them
         app.parse(std::move(words));
     } catch (const CLI::Success& help_or_version) {
