@@ -42,11 +42,14 @@ template <class Wanted> std::vector<std::string> patterns(const CommandWords& co
     return out;
 }
 
-/// Returns what may stand where `command` is the innermost one: its commands, and its options behind a hyphen.
+/// Returns what may stand where `command` is the innermost one: its commands and the choices of positional arguments,
+/// and its options behind a hyphen.
 std::string bash_words(const CommandWords& command) {
     std::vector<std::string> options, words;
-    for (const OptionWords& option : command.options)
+    for (const OptionWords& option : command.options) {
         options.insert(options.end(), option.names.begin(), option.names.end());
+        if (option.names.empty()) words.insert(words.end(), option.choices.begin(), option.choices.end());
+    }
     for (const CommandWords& sub : command.commands) words.push_back(last_word(sub.name));
     return fmt::format("        {}) options={} words={} ;;\n", quoted(command.name), quoted(joined(options)),
                        quoted(joined(words)));
@@ -61,7 +64,7 @@ std::string bash_completions(const CommandWords& root) {
     for (const CommandWords* command : commands) {
         words += bash_words(*command);
         for (const OptionWords& option : command->options) {
-            if (option.choices.empty()) continue;
+            if (option.choices.empty() || option.names.empty()) continue;
             CommandWords alone{.name = command->name, .description = {}, .options = {option}, .commands = {}};
             choices += fmt::format("        {}) words={} ;;\n",
                                    joined(patterns(alone, [](const OptionWords&) { return true; }), "|"),

@@ -175,10 +175,12 @@ void Backend::step(const StepRequest& request) {
 }
 
 void Backend::step_on(const std::vector<StepRequest>& views) {
-    if (alone_) return engine_->step(views.front());
     all_steps_done_ = false;
     const Shard::Mark begin = shard_.mark();
-    on_all<&Shard::step>(views);
+    if (alone_)
+        engine_->step(views.front());
+    else
+        on_all<&Shard::step>(views);
     shard_.count_step(begin);
 }
 

@@ -58,6 +58,9 @@ class MessageReader {
         text.assign(characters.begin(), characters.end());
     }
 
+    /// Returns whether nothing is left.
+    bool at_end() const { return at_ == bytes_.size(); }
+
   private:
     void take(void* to, std::size_t size) {
         if (size > bytes_.size() - at_) throw DataError("a message between ranks is too short");

@@ -105,6 +105,7 @@ void follow_sharding(RankTeam& team, const std::string& started_as) {
     team.follow([&] {
         team.agree(started_as);
         follow_backends(team, [](MessageReader& message) -> TargetSource {
+            if (message.at_end()) return {};  // no steps are taken
             std::vector<Image> images(message.get<std::uint64_t>());
             for (Image& image : images)
                 message.get(image.width), message.get(image.height), message.get(image.channels), message.get(image.u8);

@@ -283,6 +283,10 @@ TEST(TargetPsnr, AResumedRunMeasuresFirst) {
     const test::TemporaryFolder tmp;
     TrainOptions o = options_for(tmp.path() / "run");
     run(o);
+    const std::filesystem::path file = RunFolder{o.model}.checkpoint(o.iterations);
+    Checkpoint begun = read_checkpoint(file);
+    begun.options_yaml = "target-psnr: 60";  // as if it had been begun with a target
+    write_checkpoint(file, begun);
     o.target_psnr = 10.5, o.resume = "latest";
     TrainHooks hooks;
     std::vector<std::int64_t> counts;
