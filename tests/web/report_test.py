@@ -47,7 +47,7 @@ def make_report(gsapp, folder, runs):
             )
         runs = [folder / "none", folder / "sv"]
         subprocess.run(
-            [gsapp, "bench", "--frames", runs[1], "--frame-repeat", "1", "--device", "cpu"],
+            [gsapp, "bench", "frames", runs[1], "--frame-repeat", "1", "--device", "cpu"],
             check=True,
             capture_output=True,
         )
