@@ -62,10 +62,6 @@ class ViewRenderer {
   public:
     /// Renders a view into `out` and waits for it: of the engine's own Gaussians if `splats` is null.
     virtual void render(const RenderRequest& request, const SplatParts* splats, RenderedImage& out) = 0;
-    /// Returns the mean seconds of a frame of the engine's Gaussians over `repeats` rounds through all views, after one
-    /// round to warm up. The images stay on the device.
-    virtual double time_frames(const std::vector<RenderRequest>& views, int repeats) = 0;
-
     /// Begins to compute the splats of the engine's Gaussians that touch a tile of the view: for a step, or for a
     /// frame, which may read residuals in half precision. A device is at work on it until end_projection().
     virtual void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) = 0;
@@ -89,7 +85,10 @@ class ViewRenderer {
     /// Computes what a view says of the residual of each splat (Backend::residual_scores).
     virtual void add_residual_sums(const StepRequest& request, const SplatParts& splats,
                                    const SumParts<ResidualSplatSums>& sums) = 0;
-    /// Does for the engine's own Gaussians what Backend::scores says, where that is faster than by splats; empty
+    /// Does for the engine's own Gaussians what Backend::time_frames says, if it can leave the images on the device;
+    /// empty otherwise.
+    virtual std::optional<double> time_frames(const std::vector<RenderRequest>&, int) { return {}; }
+    /// Does for the engine's own Gaussians what Backend::scores says, if that is faster than by splats; empty
     /// otherwise.
     virtual std::optional<std::vector<float>> scores(const std::vector<RenderRequest>&) { return {}; }
     /// The same of Backend::residual_scores.

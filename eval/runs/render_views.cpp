@@ -127,7 +127,7 @@ void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorre
         const Camera& camera = views[i].camera;
         for (const auto& [mode, name] : kPictureParts) {
             if (!parts.decompose && mode != RenderMode::kFull) continue;
-            image = RenderedImage{};
+            image = RenderedImage{};  // its memory is free before the next one is rendered
             image = renders.next();
             write_image(folder / (parts.decompose ? name : "") / frame_name(i, "png"), quantized_render(image));
         }

@@ -5,7 +5,7 @@
 #include "appearance/model_info.h"
 #include "kernels/base/error.h"
 #include "kernels/cuda/cuda_device.h"
-#include "kernels/ranks/backend.h"
+#include "kernels/engine.h"
 #include "kernels/reference_image.h"
 #include "kernels/tensors/tensor_engine.h"
 
@@ -27,14 +27,6 @@ template <class List> auto of_model(const List& list, const AppearanceSpec& appe
 
 std::unique_ptr<Engine> make_cpu_engine(const AppearanceSpec& appearance, const BackendOptions& options) {
     return of_model(kCpuEngines, appearance)(options);
-}
-
-std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
-    return std::make_unique<Backend>(make_cpu_engine(appearance, options));
-}
-
-std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
-    return std::make_unique<Backend>(make_cuda_engine(appearance, options));
 }
 
 std::vector<double> render_in_double(const Gaussians& model, const RenderRequest& request) {

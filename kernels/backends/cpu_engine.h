@@ -74,16 +74,6 @@ template <class Model> class CpuEngine : public Engine {
         if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp))
             correction_.apply(state_.ppisp, request.isp, out.rgb.data(), out.width, out.height, out.rgb.data());
     }
-    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
-        RenderedImage image;
-        double seconds = 0;
-        for (int round = 0; round <= repeats; ++round) {
-            if (round == 1) seconds = 0;
-            const StageTimer timer(seconds);
-            for (const RenderRequest& view : views) render(view, nullptr, image);
-        }
-        return seconds / (double(repeats) * double(views.size()));
-    }
 
     void step(const StepRequest& r) override {
         keep_last_steps(r);
@@ -139,7 +129,7 @@ template <class Model> class CpuEngine : public Engine {
         if (std::holds_alternative<NonFiniteRows>(request))
             stats.removed = remove_nonfinite(state_, stats.by_group.data());
         else if (const auto* but = std::get_if<AllBut>(&request))
-            gather_rows(state_, but->rows);
+            stats.removed = state_.count - std::int64_t(but->rows.size()), gather_rows(state_, but->rows);
         else
             stats.removed = remove_invisible(state_);
         return stats;

@@ -458,7 +458,7 @@ void CudaEngine::finish_image(const RenderRequest& r, RenderedImage& out) {
     for (float& t : out.alpha) t = 1 - t;
 }
 
-double CudaEngine::time_frames(const std::vector<RenderRequest>& views, int repeats) {
+std::optional<double> CudaEngine::time_frames(const std::vector<RenderRequest>& views, int repeats) {
     RenderedImage image;
     const std::int64_t for_steps = capacity_;
     std::int64_t most = 1;
@@ -813,6 +813,7 @@ PruneStats CudaEngine::prune(const PruneRequest& request) {
     if (std::holds_alternative<NonFiniteRows>(request)) {
         stats.removed = change_rows([&](CudaDensify& d) { return d.prune_nonfinite(stats.by_group.data()); });
     } else if (const auto* but = std::get_if<AllBut>(&request)) {
+        stats.removed = model_.count - std::int64_t(but->rows.size());
         change_rows([&](CudaDensify& d) { return d.keep_rows(but->rows), 0; });
     } else {
         stats.removed = change_rows([](CudaDensify& d) { return d.prune_invisible(); });

@@ -58,7 +58,7 @@ class CudaEngine final : public Engine {
 
     // views and steps of the engine's own Gaussians
     void render(const RenderRequest& request, const SplatParts* splats, RenderedImage& out) override;
-    double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
+    std::optional<double> time_frames(const std::vector<RenderRequest>& views, int repeats) override;
     std::optional<std::vector<float>> scores(const std::vector<RenderRequest>& views) override;
     std::optional<ResidualScores> residual_scores(std::size_t num_views, const StepSource& step_on) override;
     void step(const StepRequest& request) override;
@@ -162,7 +162,7 @@ class CudaEngine final : public Engine {
     void enqueue_loss(const StepRequest& r, const DeviceTarget& target);
     /// Turns dL_dimage_ into the sums of the view's `n` splats.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
-    /// Lets the device judge a step by the reports on its views.
+    /// Judges a step on the device, by the reports on its views.
     void judge(const DeviceArray<ViewReport>& reports);
     /// Returns the reports of the oldest judgement that was not read.
     std::vector<ViewReport> read_judgement();

@@ -152,7 +152,8 @@ ResidualScores Backend::residual_scores(std::size_t num_views, const StepSource&
 
 double Backend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
     finish_steps();
-    if (ranks_.size() == 1) return engine_->time_frames(views, repeats);
+    if (ranks_.size() == 1)
+        if (const auto seconds = engine_->time_frames(views, repeats)) return *seconds;
     RenderedImage image;
     double start = 0;
     for (int round = 0; round <= repeats; ++round) {
@@ -168,11 +169,6 @@ Ceilings Backend::measure_ceilings() {
 }
 
 // --- steps ----------------------------------------------------------------------------------------------------------
-
-void Backend::step(const StepRequest& request) {
-    if (alone_) return engine_->step(request);
-    step_on({request});
-}
 
 void Backend::step_on(const std::vector<StepRequest>& views) {
     all_steps_done_ = false;

@@ -53,7 +53,7 @@ class Backend {
     /// first. It may return before the step is done; the memory that the requests point to is free again on return,
     /// except what they keep by themselves (StepRequest::pixels).
     void step_on(const std::vector<StepRequest>& views);
-    void step(const StepRequest& request);
+    void step(const StepRequest& request) { step_on({request}); }
     /// Takes one optimizer step of the controller of the view's camera; everything else is frozen. The loss is that of
     /// the view as the controller corrects it, without opacity, scale and PPISP terms. Needs a model with controllers.
     void distill(const StepRequest& request);
@@ -125,9 +125,5 @@ class Backend {
 /// Follows the calls of rank 0 with this rank's `engine` until they end. `targets` brings the images of the views that
 /// this rank renders.
 void follow(Communicator& ranks, Engine& engine, const TargetSource& targets);
-
-/// Make a backend of one rank (make_cpu_engine, make_cuda_engine).
-std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options = {});
-std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const BackendOptions& options = {});
 
 }  // namespace gs

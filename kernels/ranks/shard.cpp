@@ -579,11 +579,6 @@ ResidualScores Shard::residual_scores(std::uint64_t num_views, const StepSource*
 DensifyStats Shard::densify(DensifyRequest request, const std::vector<std::int64_t>& shares) {
     const std::int64_t share = shares[std::size_t(ranks_.rank())];
     request.seed = rank_seed(request.seed, ranks_.rank());
-    if (ranks_.size() == 1) {
-        const DensifyStats stats = engine_.densify(request);
-        count_rows();
-        return stats;
-    }
     if (auto* mcmc = std::get_if<McmcParams>(&request.rule)) {
         mcmc->room = (mcmc->cap + ranks_.size() - 1) / ranks_.size();
         mcmc->cap = share;  // all of it at once: how much growth there is has been decided for all ranks

@@ -6,7 +6,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/base/error.h"
-#include "kernels/ranks/backend.h"
+#include "tests/kernels/backends.h"
 
 #include "appearance_types.inc"
 

@@ -7,10 +7,10 @@
 
 #include "appearance/sh_basis.h"
 #include "kernels/base/error.h"
-#include "kernels/ranks/backend.h"
 #include "lib/export/sh_fit.h"
 #include "lib/scene/camera_params.h"
 #include "tests/io/file_helpers.h"
+#include "tests/kernels/backends.h"
 #include "tests/model/model_helpers.h"
 
 namespace gs::test {

@@ -2,6 +2,7 @@
 // The error bounds of the GPU tests, on the CPU: they hold for the float backend, and they notice mistakes. Needs no
 // device.
 #include "tests/gpu/agreement.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

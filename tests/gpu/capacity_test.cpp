@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // More instances than there is room for, and more than there may ever be. Skipped where there is no device.
 #include "kernels/base/error.h"
-#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

@@ -8,7 +8,7 @@
 #include "appearance/model_info.h"
 #include "kernels/base/error.h"
 #include "kernels/cuda/cuda_device.h"
-#include "kernels/ranks/backend.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

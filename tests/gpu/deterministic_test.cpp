@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // --deterministic: the same bits again; and images kept on the device or uploaded for every step. Skipped where there
 // is no device.
-#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

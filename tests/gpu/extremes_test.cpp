@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians at the ends of what floats hold: nothing becomes NaN or infinite that was not, and the image is that of the
 // CPU. Skipped where there is no device.
-#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images of the CUDA backend against the reference in double. Skipped where there is no device.
 #include "tests/gpu/agreement.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "kernels/cuda/cuda_device.h"
-#include "kernels/ranks/backend.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Medians of pixels on the device against the reference in double. Skipped where there is no device.
-#include "kernels/ranks/backend.h"
 #include "kernels/reference_image.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

@@ -4,9 +4,9 @@
 // step_test.cpp.
 #include "appearance/model_info.h"
 #include "kernels/loss/loss.h"
-#include "kernels/ranks/backend.h"
 #include "tests/gpu/gpu_test.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/backends.h"
 
 #include "appearance_types.inc"
 

@@ -3,6 +3,7 @@
 #include "tests/kernels/movers.h"
 
 #include "tests/gpu/gpu_test.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/rank_threads.h"
 
 namespace gs::test {

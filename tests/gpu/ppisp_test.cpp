@@ -2,8 +2,8 @@
 // PPISP and its controllers on the device against the CPU's and against double. Skipped where there is no device.
 #include "kernels/ppisp/ppisp.h"
 #include "kernels/ppisp/controller.h"
-#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

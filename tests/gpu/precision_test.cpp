@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <bit>
 
-#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

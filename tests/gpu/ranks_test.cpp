@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ranks on one device against the CPU, and against each other. Skipped where there is no device.
 #include "tests/gpu/gpu_test.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/rank_threads.h"
 #include "tests/kernels/rank_views.h"
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scores on the device against the CPU's, and the rows that go by them. Skipped where there is no device.
 #include "kernels/densify/densify.h"
-#include "kernels/ranks/backend.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/lowest_scores.h"
 
 namespace gs::test {

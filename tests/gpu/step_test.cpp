@@ -2,6 +2,7 @@
 // One optimizer step of the CUDA backend against the reference in double: loss, every gradient as moments, parameters,
 // statistic. Skipped where there is no device.
 #include "tests/gpu/agreement.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/cuda/cuda_device.h"
-#include "kernels/ranks/backend.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/gradient_check.h"
 
 #include "appearance_types.inc"

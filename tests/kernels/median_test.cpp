@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "kernels/ranks/backend.h"
 #include "kernels/reference_image.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

@@ -2,6 +2,7 @@
 // Steps that only visible Gaussians take, on the CPU and on its ranks.
 #include "tests/kernels/movers.h"
 
+#include "tests/kernels/backends.h"
 #include "tests/kernels/rank_threads.h"
 
 namespace gs::test {

@@ -5,7 +5,7 @@
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
 #include "kernels/ppisp/ppisp.h"
-#include "kernels/ranks/backend.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs {

@@ -10,9 +10,9 @@
 #include <memory>
 
 #include "appearance/model_info.h"
-#include "kernels/ranks/backend.h"
 #include "kernels/ranks/shard.h"
 #include "kernels/state/adam_device.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

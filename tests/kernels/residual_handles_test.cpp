@@ -8,7 +8,7 @@
 #include "kernels/blend/residual_score.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/residual_handles.h"
-#include "kernels/ranks/backend.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/lowest_scores.h"
 #include "tests/kernels/random_scene.h"
 

@@ -74,7 +74,7 @@ void expect_training_works(const ModelInfo& model, ColorActivation activation, c
     std::vector<double> losses;
     TrainHooks hooks;
     hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) {
-        return std::make_unique<test::BackendOf<WatchedEngine>>(appearance, losses);
+        return std::make_unique<Backend>(std::make_unique<WatchedEngine>(appearance, losses));
     };
     Progress progress(ProgressStyle::kSilent);
     train(o, glossy_scene(), open_run(o), progress, hooks);

@@ -2,7 +2,7 @@
 // The CPU engine behind a layer that tests override: devices that fail, run behind, or are only watched.
 #pragma once
 
-#include "tests/kernels/backend_of.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 
@@ -31,7 +31,7 @@ class ForwardingEngine : public Engine {
     void render(const RenderRequest& request, const SplatParts* splats, RenderedImage& out) override {
         inner_->render(request, splats, out);
     }
-    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
+    std::optional<double> time_frames(const std::vector<RenderRequest>& views, int repeats) override {
         return inner_->time_frames(views, repeats);
     }
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override {

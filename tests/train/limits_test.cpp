@@ -131,7 +131,7 @@ TEST(SizeLimit, EndsWithAtMostThatManyGaussians) {
 class Slow : public test::ForwardingEngine {
   public:
     using ForwardingEngine::ForwardingEngine;
-    double time_frames(const std::vector<RenderRequest>& views, int) override {
+    std::optional<double> time_frames(const std::vector<RenderRequest>& views, int) override {
         EXPECT_EQ(views.at(0).camera.width, 1280);
         EXPECT_EQ(views.at(0).camera.cy, 360);
         return 5e-4 + 1e-5 * double(counts().count);
@@ -141,7 +141,7 @@ class Slow : public test::ForwardingEngine {
 TrainHooks slow_device() {
     TrainHooks hooks;
     hooks.make_backend = [](const AppearanceSpec& appearance, const BackendOptions&) {
-        return std::make_unique<test::BackendOf<Slow>>(appearance);
+        return std::make_unique<Backend>(std::make_unique<Slow>(appearance));
     };
     return hooks;
 }
@@ -196,9 +196,9 @@ TEST(CoarseImages, ComeFirstAndAreOtherImages) {
     Watched* watched = nullptr;
     TrainHooks hooks;
     hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) {
-        auto backend = std::make_unique<test::BackendOf<Watched>>(appearance);
-        watched = &backend->engine();
-        return backend;
+        auto engine = std::make_unique<Watched>(appearance);
+        watched = engine.get();
+        return std::make_unique<Backend>(std::move(engine));
     };
     std::vector<int> widths;
     std::map<int, std::set<std::int64_t>> ids;

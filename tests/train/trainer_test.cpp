@@ -310,7 +310,7 @@ double hostile_run(const fs::path& folder, const std::string& model, double shar
     o.densify_until_iter = 500;
     TrainHooks hooks;
     hooks.make_backend = [=](const AppearanceSpec& appearance, const BackendOptions&) {
-        return std::make_unique<test::BackendOf<HostileEngine>>(appearance, share);
+        return std::make_unique<Backend>(std::make_unique<HostileEngine>(appearance, share));
     };
     Progress progress(ProgressStyle::kSilent);
     train(o, small_scene(), open_run(o), progress, hooks);
@@ -417,7 +417,7 @@ class FailingEngine : public test::ForwardingEngine {
 std::string failure(const TrainOptions& options, std::int64_t failing_iteration, bool readable) {
     TrainHooks hooks;
     hooks.make_backend = [=](const AppearanceSpec& appearance, const BackendOptions&) {
-        return std::make_unique<test::BackendOf<FailingEngine>>(appearance, failing_iteration, readable);
+        return std::make_unique<Backend>(std::make_unique<FailingEngine>(appearance, failing_iteration, readable));
     };
     Progress progress(ProgressStyle::kSilent);
     try {
@@ -695,9 +695,9 @@ TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
     hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions& options) {
         EXPECT_EQ(options.image_budget, std::int64_t(1) << 20);
         EXPECT_TRUE(options.deterministic);
-        auto made = std::make_unique<test::BackendOf<LaggingEngine>>(appearance);
-        backend = &made->engine();
-        return made;
+        auto engine = std::make_unique<LaggingEngine>(appearance);
+        backend = engine.get();
+        return std::make_unique<Backend>(std::move(engine));
     };
     hooks.evaluate = [&](std::int64_t, Backend&, bool) {
         num_images = backend->num_images();

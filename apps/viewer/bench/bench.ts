@@ -134,8 +134,7 @@ function streamOf(count: number): { size: number; stream: ReadableStream<Uint8Ar
 }
 
 /**
- * What JavaScript holds: the GPU's memory, which the page writes texels to, is not part of it, nor are parts that can
- * be let go of.
+ * Measures the array buffers that JavaScript holds while a file is read, each time after a collection.
  */
 async function benchLoading(count: number): Promise<void> {
   const collect = (globalThis as { gc?: () => void }).gc;

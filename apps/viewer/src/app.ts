@@ -47,7 +47,7 @@ const orderKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: V
 export class App implements Stage {
   private readonly screen: Screen;
   private readonly panel: Panel;
-  /** What is taken of the model as it is. */
+  /** Saves pictures and times frames. */
   readonly pictures = new Pictures({
     model: () => this.model,
     renderer: () => this.renderer,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is taken of the model as it is: saved pictures, frame times, and what tests look at. Nothing else is drawn
+// Saves pictures of the model, times its frames, and gives tests its pixels. Nothing else is drawn
 // meanwhile.
 
 import { runBenchmark, type BenchmarkResult } from './benchmark';

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "kernels/base/error.h"
-#include "kernels/ranks/backend.h"
 #include "lib/model/appearance_spec.h"
+#include "tests/kernels/backends.h"
 
 namespace gs {
 namespace {

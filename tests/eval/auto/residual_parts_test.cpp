@@ -10,9 +10,9 @@
 
 #include "eval/metrics/quantize.h"
 #include "kernels/base/rng.h"
-#include "kernels/ranks/backend.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/scene/camera_params.h"
+#include "tests/kernels/backends.h"
 
 namespace gs {
 namespace {

@@ -66,7 +66,7 @@ class WatchedEngine : public test::ForwardingEngine {
         steps += pass ? std::to_string(*pass) : ")";
         return ForwardingEngine::measure_stages(pass ? 0 : pass);  // those of a pass are those of all
     }
-    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
+    std::optional<double> time_frames(const std::vector<RenderRequest>& views, int repeats) override {
         frames.push_back(views.at(0).camera);
         return repeats;
     }

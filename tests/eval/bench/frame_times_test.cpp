@@ -16,7 +16,7 @@ class TimedEngine : public test::FakeEngine {
         warm_ups += request.camera.translation.x;
         out.width = request.camera.width;
     }
-    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
+    std::optional<double> time_frames(const std::vector<RenderRequest>& views, int repeats) override {
         EXPECT_EQ(views.size(), 1u);
         EXPECT_EQ(warm_ups, 21) << "every view was seen before the first is timed";
         request = views.at(0), frames = repeats;

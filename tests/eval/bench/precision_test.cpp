@@ -9,11 +9,11 @@
 #include "eval/bench/precision_levels.h"
 #include "eval/runs/training_options.h"
 #include "kernels/base/error.h"
-#include "kernels/ranks/backend.h"
 #include "kernels/reference_image.h"
 #include "lib/core/options.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/scene_options.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

@@ -17,6 +17,7 @@
 #include "lib/scene/camera_params.h"
 #include "lib/train/scene_options.h"
 #include "tests/eval/support/tiny_run.h"
+#include "tests/kernels/backends.h"
 
 namespace gs {
 namespace {

@@ -2,9 +2,9 @@
 // A PLY file rendered through the backend against the renderer without tiles.
 #include <gtest/gtest.h>
 
-#include "kernels/ranks/backend.h"
 #include "lib/model/ply.h"
 #include "tests/core/temporary_folder.h"
+#include "tests/kernels/backends.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

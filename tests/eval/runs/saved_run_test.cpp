@@ -14,6 +14,7 @@
 #include "lib/model/run_folder.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/tiny_run.h"
+#include "tests/kernels/backends.h"
 #include "tests/model/model_helpers.h"
 
 namespace gs {

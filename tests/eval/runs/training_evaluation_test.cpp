@@ -16,7 +16,9 @@ namespace {
 
 class TimedEngine : public test::FakeEngine {
   public:
-    double time_frames(const std::vector<RenderRequest>&, int repeats) override { return 0.01 * repeats; }
+    std::optional<double> time_frames(const std::vector<RenderRequest>&, int repeats) override {
+        return 0.01 * repeats;
+    }
 };
 
 class TrainingEvaluationTest : public ::testing::Test {

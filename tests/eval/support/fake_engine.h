@@ -27,7 +27,7 @@ class FakeEngine : public ForwardingEngine {
             out.rgb[2 * pixels + i] = blue;
         }
     }
-    double time_frames(const std::vector<RenderRequest>&, int) override { return 0; }
+    std::optional<double> time_frames(const std::vector<RenderRequest>&, int) override { return 0; }
 };
 
 }  // namespace gs::test

@@ -2,9 +2,9 @@
 // A device whose memory is full: the error names what was asked for and what helps, nothing is lost, and training goes
 // on. Skipped where there is no device.
 #include "kernels/base/error.h"
-#include "kernels/ranks/backend.h"
 #include "tests/gpu/out_of_memory/device_hog.h"
 #include "tests/gpu/scenes.h"
+#include "tests/kernels/backends.h"
 
 namespace gs::test {
 namespace {

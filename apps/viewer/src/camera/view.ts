@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a picture is taken with: a pose and pinhole intrinsics. OpenCV axes as in gsapp: x right, y down, z forward;
+// A camera: pose and pinhole intrinsics. OpenCV axes as in gsapp: x right, y down, z forward;
 // pixel centres at .5.
 
 import type { TestCamera } from '../format/ngsplat';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What lies beside scene.ngsplat in an exported site: site.json (docs/formats.md) names a second model and the
+// Files beside scene.ngsplat in an exported site: site.json (docs/formats.md) names a second model and the
 // photographs.
 
 import { fetchSource, readAll } from '../format/load';

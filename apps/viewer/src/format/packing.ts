@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What appearance/<folder>/packing.json says of a model, and the sizes that follow from it for one file
+// Reads appearance/<folder>/packing.json of a model, and computes the sizes that follow from it for one file
 // (docs/formats.md).
 
 import { FormatError } from './cursor';

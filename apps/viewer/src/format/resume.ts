@@ -11,8 +11,8 @@ const TRIES = 4;
 const WAIT = 500;
 
 /**
- * What says that the rest is of the same file: the server's own mark. Files of gsapp have a checksum at their end,
- * which finds out; others without a mark are not resumed.
+ * Returns the header that ties the rest to the same file: the server's ETag or date. A file of gsapp needs none, because
+ * the checksum at its end tells; other files without one are not resumed.
  */
 function mark(url: string, headers: Headers): { 'if-range'?: string } | undefined {
   const etag = headers.get('etag');

@@ -60,7 +60,7 @@ export function gain(exposure: number): number {
 }
 
 /**
- * What resolve.glsl takes of a picture that is to be corrected: with which exposure and latents, and by which response.
+ * Returns the uniforms of resolve.glsl for a photometric correction: exposure and latents of a view, and the response.
  */
 export function correction(
   exposure: Float32Array | undefined,

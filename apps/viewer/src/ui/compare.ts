@@ -102,8 +102,8 @@ export class ComparePanel {
   }
 
   /**
-   * What the other model is called, where there is one, and what the right side shows from now on unless somebody
-   * chose.
+   * Names the other model, if there is one, and sets the picture on the right of the divider unless somebody has
+   * chosen one.
    */
   setOther(name: string | undefined, right?: Shown): void {
     for (const select of [this.left, this.right]) {

@@ -28,8 +28,8 @@ interface Sort {
 
 export class DepthOrder {
   /**
-   * What the shaders call Counts: arguments of the draw at its beginning, of the dispatch for what is in the view at
-   * COLOR_GROUPS.
+   * The buffer `Counts` of the shaders. It begins with the arguments of the indirect draw; those of the dispatch over
+   * visible Gaussians stand at COLOR_GROUPS.
    */
   readonly counts: GPUBuffer;
   /** Of a Gaussian. */

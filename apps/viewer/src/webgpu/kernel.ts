@@ -28,8 +28,8 @@ export function bind(device: GPUDevice, layout: GPUBindGroupLayout, buffers: GPU
 const made = new WeakMap<GPUDevice, Map<string, object>>();
 
 /**
- * What `make` makes, once on a device for each `description`: compiling takes time, and most shaders are those of the
- * model before.
+ * Calls `make` once on a device for each `description`, and returns its result every time: compiling takes time, and most
+ * shaders of a model are those of the one before.
  */
 export function once<T extends object>(device: GPUDevice, description: string, make: () => T): T {
   const things = made.get(device) ?? new Map<string, object>();

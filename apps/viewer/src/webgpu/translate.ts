@@ -140,7 +140,7 @@ class Translator {
     this.expect('(');
     const values = this.list(')');
     const size = sizeOf(type);
-    // of an array or a matrix
+    // Arrays and matrices have no size in components.
     if (size === undefined) return { code: `${wgslType(type)}(${values.map(({ code }) => code).join(', ')})`, type };
     const component = componentOf(type);
     if (size === 1 && sizeOf(values[0].type) !== 1) this.fail(`${type} of ${values[0].type}`);

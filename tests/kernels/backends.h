@@ -1,11 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// A backend over an engine that a test has made up.
+// Backends of one rank.
 #pragma once
 
 #include "kernels/ranks/backend.h"
 
+namespace gs {
+
+inline std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options = {}) {
+    return std::make_unique<Backend>(make_cpu_engine(appearance, options));
+}
+
+inline std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance,
+                                                  const BackendOptions& options = {}) {
+    return std::make_unique<Backend>(make_cuda_engine(appearance, options));
+}
+
+}  // namespace gs
+
 namespace gs::test {
 
+/// A backend over an engine that a test has made up, for as long as the test looks at that.
 template <class E> class BackendOf : public Backend {
   public:
     template <class... Arguments>
