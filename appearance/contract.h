@@ -17,22 +17,42 @@
 //     Weights stay within +-kLargestSharedWeight. On CUDA such a model defines how a warp evaluates it
 //     (`<name>_cuda.cuh`, appearance/warp_appearance_cuda.cuh).
 //  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts that the host needs (model_info.h). They
-//     include the degenerate cases for the stability measurement (stability_case.h), the model's own training options
-//     (model_option.h) and the functions that write and read viewers' files (packing.h).
+//     include the degenerate cases for the stability measurement (StabilityPlan in model_info.h), the model's own
+//     training options (model_option.h) and the functions that write and read viewers' files (packing.h).
 //  3. `README.md` with equation, source and deviations, and `<name>_test.cpp` for the properties special to this model.
 //  4. `model.cmake`: the line `gs_add_appearance(<name> <StructName>)`. A folder may hold several models of one family.
 //     Each has such a line and an info function, and the header named like the folder holds all structs. A model that
 //     only varies another one has `gs_add_appearance_variant` instead, and can be left out of a build.
 //  5. `packing.json`: number, header fields and textures in viewers' files, for the program and the viewer alike
-//     (packing_description.h); `packing.cpp`, which fills them from a trained model (packing.h); and `<name>.glsl`,
-//     which computes the residual from the file's texels (apps/viewer/README.md).
+//     (PackingDescription in packing.h); a `Packing`, which fills them from a trained model (packing.h); and
+//     `<name>.glsl`, which computes the residual from the file's texels (apps/viewer/README.md).
 //
 // CMake finds the folder and generates the registry. Command line, checkpoints, PLY columns, docs and the conformance
 // tests follow from it.
 #pragma once
 
 #include "kernels/base/appearance_spec.h"
+#include "kernels/base/portable.h"
 #include "kernels/base/vec.h"
+
+namespace gs::appearance {
+
+// Upper limits on raw parameters that let a parameter come back (docs/math/appearance.md#clamps).
+
+/// Returns min(raw, limit). NaN stays NaN, which gs_min(raw, limit) would turn into the limit.
+template <class T> GS_HD T at_most(T raw, T limit) { return gs_min(limit, raw); }
+template <class T> GS_HD T at_least(T raw, T limit) { return gs_max(limit, raw); }
+
+/// The gradient of a parameter behind at_most: 0 only where the optimizer would raise it further. With 0 on the whole
+/// flat part a parameter that once overshot could never return.
+template <class T> GS_HD T gradient_at_most(T gradient, T raw, T limit) {
+    return raw >= limit && gradient < T(0) ? T(0) : gradient;
+}
+template <class T> GS_HD T gradient_at_least(T gradient, T raw, T limit) {
+    return raw <= limit && gradient > T(0) ? T(0) : gradient;
+}
+
+}  // namespace gs::appearance
 
 namespace gs {
 

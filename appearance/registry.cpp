@@ -3,10 +3,9 @@
 #include <algorithm>
 
 #include "appearance/model_info.h"
-#include "appearance/packing_description.h"
-#include "kernels/base/error.h"
-
+#include "appearance/packing.h"
 #include "appearance_registry.inc"
+#include "kernels/base/error.h"
 
 namespace gs {
 

@@ -15,7 +15,7 @@
 #include "kernels/base/ceilings.h"
 #include "kernels/requests.h"
 #include "kernels/splat/projected_view.h"
-#include "kernels/splat/view_report.h"
+#include "kernels/splat/wire_splat.h"
 
 namespace gs {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // NASG and NASGabor in the viewer: GS_LOBES lobes of half-precision numbers each: frame x and z, 2 lambda, a, with a carrier k,
-// N, amplitude (README.md has the equations; lobe.h the same in single precision).
+// N, amplitude (README.md has the equations; nasg.h the same in single precision).
 
 #if GS_CARRIER
 const int per_lobe = 13;

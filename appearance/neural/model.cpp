@@ -1,16 +1,176 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host knows of the neural models: parameters, learning rates, first values.
+// What the host knows of the neural models: parameters, learning rates, first values, the form in files for viewers,
+// and degenerate cases for the stability measurement.
 #include <algorithm>
 #include <cmath>
 
 #include "appearance/model_info.h"
 #include "appearance/neural/neural.h"
-#include "appearance/neural/packing.h"
-#include "appearance/neural/stability.h"
+#include "appearance/packing.h"
 #include "kernels/base/rng.h"
 
 namespace gs::appearance {
 namespace {
+
+// Networks in files for viewers: per Gaussian the first layer's sums over what does not depend on the view, or, where
+// that would be more, its encoded features; weights as halves (docs/formats.md#scenengsplat).
+
+constexpr int kMaxBand = 3;       // of the 6 that packing.json allows
+constexpr int kMaxNeurons = 256;  // as in packing.json
+
+constexpr int padded(int n) { return (n + 3) / 4 * 4; }
+
+/// Returns the number of directional inputs of the first layer: the basis functions of all bands in `bands`.
+int num_directional(const PackedHeader& header) {
+    int n = 0;
+    for (int band = 1; band <= kMaxBand; ++band) n += (header.bands >> band & 1) ? 2 * band + 1 : 0;
+    return n;
+}
+
+/// Returns the number of inputs whose weights are stored. A folded layer has the directional ones alone.
+int num_inputs(const PackedHeader& header) {
+    const int other = header.folded ? 0 : int(header.features) + (header.constant_input ? 1 : 0);
+    return other + num_directional(header);
+}
+
+int num_halves(const PackedHeader& header) { return int(header.folded ? header.neurons : header.features); }
+
+/// Where W[output][input] of a layer with that many outputs lies in the layer's part of the stream: four inputs to a
+/// texel, texels of all outputs before the next four inputs.
+constexpr std::int64_t weight_at(int outputs, int output, int input) {
+    return (std::int64_t(input / 4) * outputs + output) * 4 + input % 4;
+}
+
+template <class Model> PackedAppearance prepare(const Gaussians& g) {
+    constexpr int neurons = Model::kNeurons;
+    PackedHeader header;
+    header.model = packing_description("neural").id;
+    header.features = Model::kEncoded;
+    header.frequencies = Model::kFrequencies;
+    header.bands = 0xe;
+    header.activation = PackedResidualActivation::kTanh;
+    header.neurons = neurons;
+    header.hidden_layers = Model::kLayers;
+    header.folded = neurons <= 16 && (neurons + 7) / 8 <= (Model::kEncoded + 7) / 8;
+    PackedAppearance packed = make_packed(header, g);
+
+    const float* shared = g.shared.param.data();
+    std::uint16_t* out = packed.weights.data();
+    // Inputs in the model's order: features, Y_0, then the bands; those above the active degree count for nothing.
+    const int skipped = header.folded ? Model::kEncoded + 1 : 0, inputs = num_inputs(header);
+    for (int i = 0; i < inputs && skipped + i < Model::active_inputs(g.active_degree); ++i) {
+        for (int o = 0; o < neurons; ++o)
+            out[weight_at(neurons, o, i)] = half_bits(shared[(skipped + i) * neurons + o]);
+    }
+    out += padded(inputs) * neurons;
+    for (int layer = 1; layer < Model::kLayers; ++layer, out += neurons * neurons) {
+        for (int i = 0; i < neurons; ++i) {
+            for (int o = 0; o < neurons; ++o)
+                out[weight_at(neurons, o, i)] = half_bits(shared[Model::matrix(layer) + i * neurons + o]);
+        }
+    }
+    if (g.active_degree == 0) return packed;  // no output: the base colour
+    for (int i = 0; i < neurons; ++i) {
+        for (int o = 0; o < 3; ++o) out[weight_at(3, o, i)] = half_bits(shared[Model::kFirstOutput + o * neurons + i]);
+    }
+    return packed;
+}
+
+template <class Model> void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {
+    if (g[Group::kResidual].width == 0) return;  // degree 0: nothing but the base colour
+    double features[Model::kFeatures], x[Model::kInputs];
+    std::copy_n(g[Group::kResidual].param.data() + row * Model::kFeatures, Model::kFeatures, features);
+    Model::encode(features, Vec3<double>{0, 0, 1}, 0, x);
+    if (!packed.header.folded) {
+        for (int k = 0; k < Model::kEncoded; ++k) set_half(packed, row, k, x[k]);
+        return;
+    }
+    for (int o = 0; o < Model::kNeurons; ++o) {
+        double sum = 0;
+        for (int k = 0; k <= Model::kEncoded; ++k)
+            sum += double(g.shared.param[std::size_t(k * Model::kNeurons + o)]) * x[k];
+        set_half(packed, row, o, sum);
+    }
+}
+
+Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Vec3<double>& direction) {
+    const PackedHeader& header = packed.header;
+    const int neurons = int(header.neurons);
+    double x[kMaxHalves + 16], basis[15], hidden[kMaxNeurons] = {}, next[kMaxNeurons];
+    int inputs = 0;
+    for (int k = 0; k < num_halves(header); ++k) (header.folded ? hidden[k] : x[inputs++]) = get_half(packed, row, k);
+    if (!header.folded && header.constant_input) x[inputs++] = kY0;
+    ShBasis::basis(direction, kMaxBand, basis);
+    for (int band = 1; band <= kMaxBand; ++band) {
+        if (header.bands >> band & 1) inputs = int(std::copy_n(basis + band * band - 1, 2 * band + 1, x + inputs) - x);
+    }
+    const std::uint16_t* weights = packed.weights.data();
+    const auto add_layer = [&](const double* in, int num_in, double* out, int num_out) {
+        for (int i = 0; i < num_in; ++i) {
+            for (int o = 0; o < num_out; ++o) out[o] += half_value(weights[weight_at(num_out, o, i)]) * in[i];
+        }
+        weights += padded(num_in) * num_out;
+    };
+    add_layer(x, inputs, hidden, neurons);
+    for (std::uint32_t layer = 1; layer <= header.hidden_layers; ++layer) {
+        const bool last = layer == header.hidden_layers;
+        for (int o = 0; o < neurons; ++o) hidden[o] = std::max(0.0, hidden[o]), next[o] = 0;
+        add_layer(hidden, neurons, next, last ? 3 : neurons);
+        std::copy_n(next, last ? 3 : neurons, hidden);
+    }
+    return packed_activation(header.activation, {hidden[0], hidden[1], hidden[2]});
+}
+
+/// The packing of a network of neural.h.
+template <class Model> const Packing& network_packing() {
+    static const Packing packing{&packing_description("neural"), prepare<Model>, pack_row<Model>, residual};
+    return packing;
+}
+template const Packing& network_packing<Neural>();
+template const Packing& network_packing<NeuralOneLayer>();
+template const Packing& network_packing<NeuralThreeLayers>();
+template const Packing& network_packing<NeuralWide>();
+template const Packing& network_packing<NeuralPlain>();
+
+/// Returns features, then weights. The inner weights are all `inner` (0: waves of both signs), those of the output all
+/// `output` with a sign per channel.
+template <class Model> std::vector<double> network(double inner, double output) {
+    std::vector<double> numbers(Model::kMaxResidual + Model::kNumShared);
+    double* weights = numbers.data() + Model::kMaxResidual;
+    for (int k = 0; k < Model::kMaxResidual; ++k) numbers[k] = std::sin(k + 1.0);
+    for (int k = 0; k < Model::kFirstOutput; ++k) weights[k] = inner != 0 ? inner : 0.3 * std::sin(0.7 * k * k);
+    for (int k = Model::kFirstOutput; k < Model::kNumShared; ++k)
+        weights[k] = (k - Model::kFirstOutput) / Model::kNeurons % 2 ? output : -output;
+    return numbers;
+}
+
+/// Returns cases with neurons at exactly 0, all off, and all on; with outputs saturated either way; with weights at
+/// their limit.
+template <class Model> StabilityPlan network_stability() {
+    StabilityPlan plan;
+    plan.column_kinds.assign(Model::kMaxResidual, "features");
+    const std::array<double, 3> views[] = {{0.3, 0.8, -0.4}, {-0.5, -0.2, 0.9}, {0, 0, 1}, {1e-8, 1, 0}};
+    for (const auto& view : views) {
+        // Inner weights of 0 put every neuron exactly at its corner.
+        auto corner = network<Model>(0, 0.5);
+        std::fill(corner.begin() + Model::kMaxResidual, corner.begin() + Model::kMaxResidual + Model::kFirstOutput,
+                  0.0);
+        plan.cases.push_back({"neurons at 0", corner, view, std::array<double, 3>{}, "residual"});
+        for (const double inner : {-1e4, -0.2, 0.2, 1e4})
+            plan.cases.push_back({"neurons all off or on", network<Model>(inner, 0.1), view, {}, {}});
+        // Outputs go from ordinary ones through |o| = 9, where tanh is 1 in float, to far beyond 43, where its slope
+        // underflows.
+        for (const double output : {0.5, 2., 5., 10., 20., 40., 100., 1e4})
+            plan.cases.push_back({"saturated output", network<Model>(0, output), view, {}, {}});
+    }
+    return plan;
+}
+
+template StabilityPlan network_stability<Neural>();
+template StabilityPlan network_stability<NeuralOneLayer>();
+template StabilityPlan network_stability<NeuralThreeLayers>();
+template StabilityPlan network_stability<NeuralWide>();
+template StabilityPlan network_stability<NeuralPlain>();
 
 /// Draws weights uniformly from +-sqrt(6 / (inputs + outputs)) (Glorot). The output matrix becomes 0, so that training
 /// starts at the base colour. The random layers break the symmetry between neurons.

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "appearance/code_range.h"
+#include "appearance/packing.h"
 #include "appearance/sh/sh.h"
 
 namespace gs::appearance {

@@ -2,7 +2,6 @@
 // SV: spherical Voronoi, colours at sites on the sphere, blended by a softmax over the distances to the sites.
 #pragma once
 
-#include "appearance/clamps.h"
 #include "appearance/contract.h"
 
 namespace gs::appearance {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The commands and options of the program as data, for its manual and for shells.
+// The commands and options of the program as data, for its manual and for shells, and their help: what fits one screen
+// with --help, everything with --help-all.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -42,5 +43,10 @@ std::string last_word(const std::string& name);
 
 /// Returns what a help text says first, for lists with one line an option.
 std::string short_help(const std::string& help);
+
+/// Gives `app`, and the subcommands that are added to it later, the flag --help-all and the short --help. That has a
+/// few words on each option of the command itself, if it stands under no heading of its own, and on the basic ones of a
+/// training (Option::is_basic).
+void set_up_help(CLI::App& app);
 
 }  // namespace gs

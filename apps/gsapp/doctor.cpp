@@ -11,10 +11,10 @@
 #include <sstream>
 #include <thread>
 
-#include "apps/gsapp/about.h"
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/printing.h"
 #include "kernels/cuda/cuda_device.h"
-#include "kernels/ranks/nccl_library.h"
+#include "kernels/ranks/connect_devices.h"
 #include "lib/core/bytes.h"
 #include "lib/core/cpu_features.h"
 #include "lib/core/json_text.h"

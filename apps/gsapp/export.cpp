@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "apps/gsapp/arguments.h"
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/printing.h"
-#include "apps/gsapp/scene_arguments.h"
 #include "eval/runs/export_run.h"
 #include "kernels/base/error.h"
 

@@ -24,10 +24,9 @@
 #include <utility>
 #include <vector>
 
-#include "apps/gsapp/about.h"
-#include "apps/gsapp/bench.h"
 #include "apps/gsapp/command.h"
-#include "apps/gsapp/help.h"
+#include "apps/gsapp/command_tree.h"
+#include "apps/gsapp/printing.h"
 #include "kernels/base/error.h"
 #include "lib/core/foreign_options.h"
 #include "lib/core/interrupt.h"

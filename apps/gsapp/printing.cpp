@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looks at stdout to choose how tables are printed, and adds the options that commands share.
+// Looks at stdout to choose how tables are printed, adds the options that commands share, and puts the answers of
+// `gsapp --version` together.
 #include "apps/gsapp/printing.h"
 
 #include <unistd.h>
 
 #include <cstdio>
 
+#include "kernels/cuda/cuda_device.h"
+#include "lib/core/cpu_features.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
+#include "lib/core/version.h"
 
 namespace gs {
 
@@ -26,6 +30,34 @@ void print_json(const nlohmann::ordered_json& json) { std::fputs((json_text(json
 CLI::Option* add_quiet_flag(CLI::App& command) {
     return command.add_flag_callback(
         "-q,--quiet", [] { setup_log(LogLevel::kWarn); }, "No messages below warnings");
+}
+
+std::string version_report() {
+    std::string text = version_text();
+    const std::string no_cuda = try_cuda_device();
+    if (no_cuda.empty())
+        text += "\nbackends: cpu, cuda\ndevice: " + cuda_driver_description();
+    else
+        text += "\nbackends: cpu (cuda: " + no_cuda + ")";
+    const std::string architectures = cuda_architectures();
+    return architectures.empty() ? text : text + "\ncuda architectures: " + architectures;
+}
+
+nlohmann::ordered_json version_json() {
+    nlohmann::ordered_json json = {{"version", version()},
+                                   {"git_hash", git_hash()},
+                                   {"cpu_architecture", cpu_architecture()},
+                                   {"cpu_features", built_cpu_features()},
+                                   {"cuda_architectures", cuda_architectures()},
+                                   {"backends", {"cpu"}}};
+    const std::string no_cuda = try_cuda_device();
+    if (no_cuda.empty()) {
+        json["backends"].push_back("cuda");
+        json["device"] = cuda_driver_description();
+    } else {
+        json["no_cuda"] = no_cuda;
+    }
+    return json;
 }
 
 }  // namespace gs

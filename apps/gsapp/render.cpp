@@ -16,17 +16,14 @@
 #include <utility>
 #include <vector>
 
+#include "apps/gsapp/arguments.h"
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/printing.h"
-#include "apps/gsapp/ranks.h"
-#include "apps/gsapp/scene_arguments.h"
-#include "eval/runs/appearance_colors.h"
 #include "eval/runs/camera_path.h"
+#include "eval/runs/false_colors.h"
 #include "eval/runs/frame_folder.h"
 #include "eval/runs/orbit.h"
-#include "eval/runs/picture_size.h"
 #include "eval/runs/render_views.h"
-#include "eval/runs/video.h"
 #include "kernels/base/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"

@@ -10,7 +10,7 @@
 #include "apps/gsapp/command.h"
 #include "eval/experiments/seeds.h"
 #include "eval/experiments/train_run.h"
-#include "eval/report/comparison_format.h"
+#include "eval/report/comparison.h"
 #include "kernels/base/error.h"
 #include "lib/core/options_cli.h"
 #include "lib/train/rank_training.h"

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rules of `--appearance auto`: from what was measured to what it means, and to one model.
+// The rules of `--appearance auto`: from what was measured to what it means, to one model, and to what is said about
+// it, for people and for programs.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -81,5 +83,20 @@ struct AppearanceDecision {
 
 /// Chooses among the trials as choose_appearance does; the plain model where none was needed, or possible.
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance);
+
+/// What `--appearance auto` says about its choice, for people and for programs.
+struct AppearanceReport {
+    std::string model;               ///< to train
+    std::vector<std::string> lines;  ///< for people: five on what was done, what came out of it, and why; one where
+                                     ///< nothing could be measured
+    nlohmann::ordered_json json;     ///< the same for programs: auto.json
+};
+
+/// Returns why there are no measurements; measured.obstacle is set.
+std::string obstacle_text(const AppearanceMeasurements& measured);
+
+/// Describes a decision that was made from these measurements with this tolerance (dB).
+AppearanceReport describe_appearance(const AppearanceMeasurements& measured, const AppearanceDecision& decision,
+                                     double tolerance);
 
 }  // namespace gs

@@ -1,10 +1,215 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stages of the search: a smaller scene, a training without view dependence, trials, the report.
+// The search: a smaller scene without the views held out, a training without view dependence, trials, the report.
 #include "eval/auto/find_appearance.h"
 
-#include "eval/auto/measure_appearances.h"
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "appearance/model_info.h"
+#include "eval/auto/photograph.h"
+#include "eval/auto/residual_parts.h"
+#include "kernels/base/clock.h"
+#include "kernels/base/parallel.h"
+#include "lib/core/duration.h"
+#include "lib/model/appearance_spec.h"
+#include "lib/model/initialize.h"
+#include "lib/scene/frame.h"
+#include "lib/scene/resized.h"
+#include "lib/train/choose_backend.h"
+#include "lib/train/model_limits.h"
+#include "lib/train/rehearsal.h"
 
 namespace gs {
+namespace {
+
+/// Wider images are made smaller, and cap_max in proportion to their pixels: models part sooner, in a fraction of the
+/// time. (On lego sv, its best model, led sh by 0.22 dB after 2000 and 2000 iterations at 400 pixels, and by 0.07 after
+/// 3000 and 1500 at 800 pixels with three times the Gaussians.)
+constexpr int kStageWidth = 400;
+/// The shares of options.iterations: the length of the training without view dependence that all trials begin from, and
+/// of each trial.
+constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
+/// The largest share of the time of the following run that the measurements may take; and that of a time limit.
+constexpr double kTimeShare = 0.5, kLimitShare = 0.1;
+/// The time of a step over that of a frame of the first Gaussians, with what else is measured and room for growth.
+constexpr double kStepPerFrame = 4.5;
+
+std::int64_t iterations_of(const TrainOptions& options, double share) {
+    return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
+}
+
+/// The length of the cameras' mean axis above which they look nearly the same way, as in forward-facing scenes. fern's
+/// has 0.994, lego's 0.57, and that of cameras within 20 degrees of one axis 0.97.
+constexpr double kOneSided = 0.98;
+
+/// A smaller scene without the views held out.
+struct Stage {
+    Scene scene;
+    std::vector<View> held_out;
+    TrainOptions options;
+    double pixels = 1;  ///< share of the pixels of the scene's images
+};
+
+/// Returns the name of the model whose Gaussians show one colour in every direction.
+std::string plain_model() { return plain_sh_appearance(0).model; }
+
+Stage make_stage(const TrainOptions& options, const Scene& scene) {
+    Stage stage{scene, {}, options, 1};
+    stage.scene.train.clear(), stage.scene.test.clear();
+    const auto pixels = [](const View& view) { return double(view.camera.width) * view.camera.height; };
+    double small = 0, full = 0;
+    for (std::size_t k = 0; k < scene.train.size(); ++k) {
+        View view = smaller_view(scene.train[k], kStageWidth);
+        small += pixels(view), full += pixels(scene.train[k]);
+        (is_held_out(k) ? stage.held_out : stage.scene.train).push_back(std::move(view));
+    }
+    stage.pixels = small / full;
+    stage.options.appearance = plain_model();
+    stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
+    if (options.ppisp == PpispMode::kAuto)
+        stage.options.ppisp = PpispMode::kOn;  // harmless where images do not differ, and there is no time to find out
+    return stage;
+}
+
+std::int64_t bytes_of(const AppearanceSpec& spec) {
+    return std::int64_t(sizeof(float)) * (group_width(Group::kBase, spec) + group_width(Group::kResidual, spec));
+}
+
+/// Returns the models to try, from the fewest bytes on; `none` first.
+std::vector<AppearanceSpec> candidates(TrainOptions options) {
+    std::vector<AppearanceSpec> specs;
+    for (const ModelInfo* model : appearance_models()) {
+        options.appearance = model->name;
+        const AppearanceSpec spec = appearance_spec(options);
+        if (!model->variant && (model->name == plain_model() || group_width(Group::kResidual, spec) > 0))
+            specs.push_back(spec);
+    }
+    std::stable_sort(specs.begin(), specs.end(),
+                     [](const AppearanceSpec& a, const AppearanceSpec& b) { return bytes_of(a) < bytes_of(b); });
+    return specs;
+}
+
+struct Trials {
+    std::vector<AppearanceTrial> finished;
+    std::vector<std::string> unfinished;
+};
+
+/// Returns how many times as long an iteration of the run takes as one of a trial, for its pixels and Gaussians. The
+/// estimate stays below what was seen on a GPU, where much of an iteration does not depend on them: 1.7 on
+/// builtin:glossy (measured 1.9), 1.9 on lego (2.2).
+double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussians) {
+    const double growth =
+        run.strategy == Strategy::kNone ? 1 : double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1));
+    return std::pow(std::max(1.0, growth) / stage.pixels, 0.25);
+}
+
+/// Returns how many iterations each training of the stage may have within `seconds`, judged by frames of its first
+/// Gaussians.
+std::int64_t affordable_iterations(const Stage& stage, double seconds) {
+    const AppearanceSpec plain = appearance_spec(stage.options);
+    const auto backend = make_backend(stage.options.device, plain, backend_options(stage.options));
+    backend->upload(initialize_gaussians(stage.scene, plain, init_options(stage.options)));
+    const double step = kStepPerFrame * ModelLimits(stage.options, stage.scene, {}, 0).view_seconds(*backend);
+    return std::int64_t(seconds / (step * double(1 + candidates(stage.options).size())));
+}
+
+/// When the measurements have to end, on the clock of seconds_now().
+struct Deadline {
+    double start = 0;
+    double limit = 0;   ///< the time under a limit, seconds; 0 = none
+    double slower = 1;  ///< how many times as long an iteration of the run takes as one of a trial
+
+    /// Returns the seconds left, given the run's iterations and the time of one in the trial of the model chosen so
+    /// far. Without a limit, and without a trial, they are unlimited: there is nothing to choose from then.
+    double left(std::int64_t iterations, std::optional<double> iteration) const {
+        if (limit > 0) return start + limit - seconds_now();
+        if (!iteration) return std::numeric_limits<double>::infinity();
+        return start + kTimeShare * double(iterations) * slower * *iteration - seconds_now();
+    }
+};
+
+/// Trains and measures until all models had their trial or the time is up.
+Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& stage,
+                  const std::vector<Photograph>& held_out, const Deadline& deadline) {
+    const TrainOptions& options = stage.options;
+    const std::int64_t iterations = iterations_of(options, kTrialShare);
+    Trials trials;
+    double last = 0;  // seconds that the previous trial took
+    for (const AppearanceSpec& spec : candidates(options)) {
+        const double trial_start = seconds_now();
+        std::optional<double> iteration;
+        if (!trials.finished.empty())
+            iteration = trials.finished[choose_appearance(trials.finished, options.auto_tolerance).chosen].seconds;
+        const double left = deadline.left(options.iterations, iteration);
+        std::optional<Rehearsed> r;
+        if (last <= left) r = rehearsal.continue_with(begun, spec, iterations, left);  // later models are not faster
+        if (!r) {
+            trials.unfinished.push_back(spec.model);
+            continue;
+        }
+        // Held-out views have no exposure of their own: what the correction will take care of is not counted.
+        const double psnr = mean_psnr(*r->backend, held_out, rehearsal.background(), options.ppisp == PpispMode::kOn);
+        trials.finished.push_back({spec.model, bytes_of(spec), r->seconds / double(iterations), psnr});
+        last = seconds_now() - trial_start;
+    }
+    return trials;
+}
+
+}  // namespace
+
+AppearanceMeasurements measure_appearances(const TrainOptions& options, const Scene& scene, bool with_trials) {
+    AppearanceMeasurements measured;
+    measured.num_views = scene.train.size();
+    measured.one_sided = mean_axis(scene.train).norm() > kOneSided;
+    measured.plain_model = plain_model();
+    if (scene.train.size() < kFewestViews) {
+        measured.obstacle = Obstacle::kFewViews;
+        return measured;
+    }
+    Deadline deadline{seconds_now()};
+    set_num_threads(options.threads);
+    Stage stage = make_stage(options, scene);
+    if (!options.time_limit.empty()) {
+        deadline.limit = kLimitShare * parse_duration(options.time_limit, "option time-limit");
+        stage.options.time_limit.clear();
+        stage.options.iterations =
+            std::llround(double(affordable_iterations(stage, deadline.left(0, {}))) / kTrialShare);
+    }
+    measured.warm_up_iterations = iterations_of(stage.options, kWarmUpShare),
+    measured.trial_iterations = iterations_of(stage.options, kTrialShare);
+    if (measured.trial_iterations < kFewestTrialIterations) {
+        measured.obstacle = Obstacle::kShort;
+        measured.seconds = seconds_now() - deadline.start;
+        return measured;
+    }
+    Rehearsal rehearsal(stage.options, stage.scene);
+    measured.plain_bytes = bytes_of(appearance_spec(stage.options));
+    measured.image_width = stage.scene.train.front().camera.width,
+    measured.image_height = stage.scene.train.front().camera.height;
+    const Rehearsed plain = rehearsal.begin(measured.warm_up_iterations);
+    const std::vector<Photograph> seen =
+        load_photographs(stage.scene.train, rehearsal.background(), [&](std::size_t k) { return rehearsal.image(k); });
+    const std::vector<Photograph> held_out = load_photographs(stage.held_out, rehearsal.background());
+    measured.num_held_out = held_out.size();
+    if (seen.empty() || held_out.empty()) {
+        measured.obstacle = Obstacle::kMasks;
+        measured.seconds = seconds_now() - deadline.start;
+        return measured;
+    }
+    const auto positions = make_backend(options.device, plain_sh_appearance(0), backend_options(options));
+    measured.parts = residual_parts(*plain.backend, *positions, seen, held_out, rehearsal.background());
+    if (with_trials && needs_trials(measured.parts, options.auto_tolerance)) {
+        deadline.slower = slowdown(options, stage, plain.backend->count());
+        Trials trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, deadline);
+        measured.trials = std::move(trials.finished), measured.unfinished = std::move(trials.unfinished);
+        if (measured.trials.empty()) measured.obstacle = Obstacle::kLate;
+    }
+    measured.seconds = seconds_now() - deadline.start;
+    return measured;
+}
 
 AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene) {
     const AppearanceMeasurements measured = measure_appearances(options, scene);

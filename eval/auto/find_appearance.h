@@ -1,14 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-// `--appearance auto`: measures, decides, describes.
+// `--appearance auto`: measures by short trainings on part of the training views, compared on the rest; decides;
+// describes.
 #pragma once
 
 #include <string>
 
-#include "eval/auto/appearance_report.h"
+#include "eval/auto/appearance_choice.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
+
+/// Holds out every 8th training view, makes images at most 400 pixels wide and options.cap_max smaller in proportion,
+/// and trains `none` for a fifteenth of options.iterations. Measures what its errors consist of (residual_parts). Where
+/// needs_trials says so, goes on from there with each model of the registry that is no variant. Test views are not
+/// looked at. Takes at most half as long as the run that would follow, as far as a trial's iterations tell: a trial
+/// that would exceed this, or does, has no result and is unfinished. (What comes before the trials, and the first of
+/// them, always ends.) With options.time_limit all of this has a tenth of it, and the first trial need not end.
+/// Measures nothing where trials would have fewer than kFewestTrialIterations. The same options and seed give the same
+/// measurements, but for times, unless time ran out. Without `with_trials` it ends before these. Throws what training
+/// throws.
+AppearanceMeasurements measure_appearances(const TrainOptions& options, const Scene& scene, bool with_trials = true);
 
 /// Measures models on the scene (measure_appearances), decides for one (decide_appearance, with options.auto_tolerance)
 /// and says why (describe_appearance). Test views are not looked at. The same options and seed give the same choice

@@ -7,7 +7,6 @@
 #include <limits>
 #include <numeric>
 
-#include "eval/metrics/colour_fit.h"
 #include "eval/metrics/quantize.h"
 #include "kernels/base/parallel.h"
 #include "lib/scene/camera_params.h"

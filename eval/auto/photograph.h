@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photographs in memory, for renders of several models to be compared with.
+// Photographs in memory, for renders of several models to be compared with, and which of them are held out where test
+// views must not be looked at.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -12,6 +14,12 @@
 #include "lib/scene/scene.h"
 
 namespace gs {
+
+/// Every n-th training view is held out, beginning in the middle of the first n.
+inline constexpr std::size_t kHeldOutEvery = 8;
+inline bool is_held_out(std::size_t view) { return view % kHeldOutEvery == kHeldOutEvery / 2; }
+/// With fewer training views than this none can be held out.
+inline constexpr std::size_t kFewestViews = kHeldOutEvery;
 
 struct Photograph {
     Camera camera;

@@ -12,7 +12,7 @@
 #include "appearance/sh_basis.h"
 #include "kernels/base/spherical_harmonics.h"
 #include "lib/core/median.h"
-#include "lib/model/center.h"
+#include "lib/model/whole_model.h"
 
 namespace gs {
 namespace {

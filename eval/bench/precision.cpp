@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames of every precision, timed and compared with the reference in double.
+// The options that each level sets, and frames of every precision, timed and compared with the reference in double.
 #include "eval/bench/precision.h"
 
 #include <fmt/format.h>
@@ -9,7 +9,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "eval/bench/precision_levels.h"
+#include "kernels/base/error.h"
 #include "kernels/reference_image.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
@@ -56,6 +56,31 @@ void measure_errors(Backend& backend, const std::vector<ReferenceView>& views, P
 }
 
 }  // namespace
+
+const std::vector<PrecisionLevel>& precision_levels() {
+    // The cutoffs are twice (alpha) and ten times (transmittance) those of 3DGS.
+    static const std::vector<PrecisionLevel> levels = {
+        {"full", false, [](TrainOptions&) {}},
+        {"fp32-moments", true, [](TrainOptions& o) { o.appearance_moments = AppearanceMoments::kFp32; }},
+        {"half-storage", true, [](TrainOptions& o) { o.appearance_storage = AppearanceStorage::kFp16; }},
+        {"cutoffs", false, [](TrainOptions& o) { o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3; }},
+        {"fast", true,
+         [](TrainOptions& o) {
+             o.appearance_storage = AppearanceStorage::kFp16;
+             o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3;
+         }},
+    };
+    return levels;
+}
+
+const PrecisionLevel& precision_level(const std::string& name) {
+    std::string names;
+    for (const PrecisionLevel& level : precision_levels()) {
+        if (level.name == name) return level;
+        names += (names.empty() ? "" : ", ") + level.name;
+    }
+    throw UsageError(fmt::format("precision: '{}' is not one of {}", name, names));
+}
 
 std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const Scene& scene, const Gaussians& model,
                                             const BenchOptions& bench) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the cost of each precision and the distance of its frames from those in double.
+// Named settings of accuracy and speed, the cost of each precision, and the distance of its frames from those in
+// double.
 #pragma once
 
 #include <optional>
@@ -8,8 +9,22 @@
 
 #include "eval/bench/bench.h"
 #include "eval/pages/text_table.h"
+#include "lib/core/train_options.h"
 
 namespace gs {
+
+/// One level and the options that it changes.
+struct PrecisionLevel {
+    std::string name;
+    bool gpu_only;
+    void (*apply)(TrainOptions&);  ///< changes options whose precision is the default
+};
+
+/// Returns all levels; the first one is the default.
+const std::vector<PrecisionLevel>& precision_levels();
+
+/// Returns the level of that name. Throws UsageError naming the known ones for another name.
+const PrecisionLevel& precision_level(const std::string& name);
 
 /// The measurements of one level.
 struct PrecisionRow {

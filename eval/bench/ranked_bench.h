@@ -31,7 +31,7 @@ struct RankedBenchResult {
     double views_per_second() const { return steps * double(views_per_step) / seconds; }
 };
 
-/// Measures `bench.repeat` steps on a generated set (eval/bench/generated_set.h) of `count` Gaussians, which the ranks
+/// Measures `bench.repeat` steps on a generated set (eval/bench/bench_cases.h) of `count` Gaussians, which the ranks
 /// of `team` hold (null: this process alone). A step has options.batch views, or as many as there are ranks. As in
 /// run_bench all images are decoded, and rates are too small to change the model. The other ranks must be in
 /// follow_sharding.

@@ -9,7 +9,7 @@
 #include <filesystem>
 
 #include "eval/report/table.h"
-#include "eval/runs/training_options.h"
+#include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/model/run_folder.h"
 

@@ -24,7 +24,6 @@
 #include "lib/core/run_config.h"
 #include "lib/io/atomic_file.h"
 #include "lib/model/run_folder.h"
-#include "lib/model/run_lock.h"
 #include "lib/train/choose_backend.h"
 
 namespace gs {

@@ -1,20 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-// Puts a plan into words.
+// Takes the size of a file apart, reads curves through measured losses, and puts a plan into words.
 #include "eval/experiments/plan.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
-#include "eval/experiments/estimate.h"
+#include "appearance/model_info.h"
 #include "kernels/base/error.h"
+#include "lib/core/bytes.h"
 #include "lib/core/duration.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
+#include "lib/export/ngsplat.h"
+#include "lib/export/pack_scene.h"
+#include "lib/model/appearance_spec.h"
+#include "lib/model/ply.h"
 #include "lib/train/course.h"
+#include "lib/train/residual_share.h"
 
 namespace gs {
 namespace {
+
+/// The bytes kept for texts whose length is known only later: the trailer of a scene, the header of a PLY.
+constexpr std::int64_t kTrailerBytes = 1024, kPlyHeaderBytes = 4096;
+/// The bytes of a Gaussian in a .splat file.
+constexpr std::int64_t kSplatBytes = 32;
+
+/// Packs a model of one Gaussian, with as many cameras as the scene's export has.
+PackedScene packed_sample(const TrainOptions& options, const Scene& scene) {
+    PackedScene packed = packed_sample(appearance_spec(options));
+    packed.cameras.resize(scene.test.size());
+    if (options.ppisp != PpispMode::kOff) packed.ppisp.emplace().views.resize(scene.test.size());
+    return packed;
+}
 
 /// The part of a size limit that a file should at least use.
 constexpr double kLeastUse = 0.95;
@@ -124,6 +144,58 @@ void note_loss(Plan& plan, const TrainOptions& options, const TrainSummary& summ
 }
 
 }  // namespace
+
+// The curves, and how far they are off: docs/lab/limits.md#what-the-plan-estimates.
+
+double loss_of_length(double rounds) { return 0.8 * std::pow(70 / rounds, 1.3); }
+
+double loss_of_count(std::int64_t count, std::int64_t most) {
+    const double halvings = std::max(0.0, std::log2(double(most) / double(count)));
+    return (0.15 + 0.13 * halvings) * halvings;
+}
+
+std::string about(double loss) {
+    constexpr double kMost = 10;  // farther than any measurement goes
+    if (loss < 0.1) return "less than 0.1 dB";
+    return loss > kMost ? fmt::format("more than {:g} dB", kMost) : fmt::format("about {:.1f} dB", loss);
+}
+
+std::int64_t SizePlan::bytes(std::int64_t count) const {
+    const auto padded = [&](std::int64_t n) { return (n + unit - 1) / unit * unit; };
+    const std::int64_t header = share < 1 && per_residual > 0 ? sizeof(std::uint32_t) : 0;  // the number of residuals
+    return fixed + header + padded(count) * per_gaussian + padded(std::llround(share * double(count))) * per_residual;
+}
+
+SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
+    SizePlan plan{.limit = std::int64_t(parse_bytes(options.size_limit))};
+    const AppearanceSpec appearance = appearance_spec(options);
+    switch (options.size_of) {
+        case SizeOf::kWeb: {
+            const PackedScene sample = packed_sample(options, scene);
+            plan.fixed = ngsplat_bytes(sample, 0, kTrailerBytes);
+            plan.unit = ngsplat_unit();
+            plan.per_gaussian = sample.bytes_per_gaussian(false);
+            plan.per_residual = sample.bytes_per_gaussian() - plan.per_gaussian;
+            plan.share = wanted_residual_share(options, appearance).value_or(kMostAutoShare);
+            break;
+        }
+        case SizeOf::kPly:
+            plan.fixed = kPlyHeaderBytes + std::int64_t(sizeof(float)) * appearance_model(appearance.model).num_shared;
+            plan.per_gaussian = ply_bytes_per_gaussian(appearance);
+            break;
+        case SizeOf::kSplat:
+            plan.per_gaussian = kSplatBytes;
+    }
+    if (plan.limit < plan.bytes(1))
+        throw UsageError(
+            fmt::format("option size-limit: {} is too small: the smallest {} file of {} takes {} bytes here",
+                        options.size_limit, word(options.size_of), options.appearance, plan.bytes(1)));
+    const double most = double(plan.limit - plan.fixed) / plan.mean_bytes();
+    plan.most_gaussians = (std::int64_t(most) / plan.unit + 1) * plan.unit;
+    while (plan.most_gaussians > plan.unit && plan.bytes(plan.most_gaussians) > plan.limit)
+        plan.most_gaussians -= plan.unit;
+    return plan;
+}
 
 Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out) {
     Plan plan;

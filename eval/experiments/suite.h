@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The suites of `gsapp bench suite`: the cells that each is made of, and the table over them.
+// The suites of `gsapp bench suite`: the cells that each is made of, their training, one after another or one on each
+// GPU, and the table over them, written after each.
 #pragma once
 
 #include <filesystem>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "eval/experiments/cell.h"
+#include "eval/experiments/cell_runner.h"
 #include "eval/pages/text_table.h"
 
 namespace gs {
@@ -41,5 +43,19 @@ std::string suite_json(const std::string& suite, const std::vector<SuiteLine>& l
 
 /// Writes suite.md and suite.json to the folder, each atomically. Throws DataError.
 void write_suite(const std::filesystem::path& folder, const std::string& suite, const std::vector<SuiteLine>& lines);
+
+/// A suite after its cells were trained.
+struct SuiteRun {
+    std::filesystem::path folder;  ///< holds suite.md, suite.json and the cells' folders
+    std::vector<SuiteLine> lines;
+    CellsSummary summary;
+};
+
+/// Trains the cells of a suite that its folder `base.model` (empty: output/<scene>-<suite>) does not hold yet, and
+/// writes suite.md and suite.json after each. `base` as for suite_lines. A run that fails does not stop the others: the
+/// summary tells. Throws UsageError for mistakes in the arguments, before anything is written, and what write_suite and
+/// `run` throw. Call catch_interrupts() before.
+SuiteRun run_suite(const std::string& suite, const std::vector<std::string>& appearances, TrainOptions base,
+                   const CellsRunner& run = run_cells);
 
 }  // namespace gs

@@ -12,9 +12,9 @@
 #include <map>
 #include <sstream>
 
-#include "eval/bench/precision_levels.h"
+#include "eval/bench/precision.h"
 #include "eval/experiments/cell.h"
-#include "eval/runs/training_options.h"
+#include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/core/duration.h"
 #include "lib/core/nearest.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds everything that would make runs fail or a budget useless before the first run starts.
+// Rounds of a grid and of successive halving; finds everything that would make runs fail or a budget useless before the
+// first run starts.
 #include "eval/experiments/tradeoff_plan.h"
 
 #include <fmt/format.h>
@@ -13,6 +14,9 @@
 
 namespace gs {
 namespace {
+
+/// What --iterations is divided by in each round.
+constexpr std::int64_t kDivisors[] = {4, 2, 1};
 
 double default_give_up(Quality quality) { return quality == Quality::kPsnr ? 1.0 : 0.02; }
 
@@ -51,6 +55,36 @@ std::string remark_on_budgets(const std::vector<Configuration>& round, std::int6
 }
 
 }  // namespace
+
+Rounds plan_grid(std::vector<std::string> words, const TrainOptions& base, std::vector<TradeoffAxis>& axes) {
+    if (words.empty()) words = {"appearance,budget,iterations"};
+    axes = parse_axes(words, base);
+    return {spread_grid(axes, base)};
+}
+
+Rounds plan_halving(std::vector<std::string> words, const TrainOptions& base, std::vector<TradeoffAxis>& axes) {
+    if (words.empty()) words = {"appearance,budget"};
+    axes = parse_axes(words, base);
+    if (std::any_of(axes.begin(), axes.end(), [](const TradeoffAxis& axis) { return axis.name == "iterations"; }))
+        throw UsageError("--axes iterations: --search halving varies the iterations itself, up to --iterations");
+    if (base.iterations < kDivisors[0])
+        throw UsageError(fmt::format("--search halving: needs at least {} --iterations", kDivisors[0]));
+    axes.push_back({"iterations", {std::to_string(base.iterations)}});
+    const std::vector<Configuration> full = spread_grid(axes, base);
+    axes.back().values.clear();
+    Rounds rounds;
+    for (const std::int64_t divisor : kDivisors) {
+        const std::string iterations = std::to_string((base.iterations + divisor - 1) / divisor);
+        axes.back().values.push_back(iterations);
+        rounds.emplace_back();
+        for (const Configuration& configuration : full) {
+            std::vector<std::string> values = configuration.values;
+            values.back() = iterations;
+            rounds.back().push_back(make_configuration(axes, values, base));
+        }
+    }
+    return rounds;
+}
 
 TradeoffPlan plan_tradeoff(TrainOptions base, const TradeoffRequest& request) {
     if (!base.resume.empty())

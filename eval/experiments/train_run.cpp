@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loads the scene, chooses an appearance if asked, trains, scores.
+// Loads the scene, chooses an appearance if asked, holds views out for a target, trains, scores.
 #include "eval/experiments/train_run.h"
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "appearance/model_info.h"
 #include "eval/auto/find_appearance.h"
 #include "eval/experiments/plan.h"
-#include "eval/experiments/target_views.h"
 #include "eval/live/live_training.h"
+#include "eval/report/comparison.h"
 #include "eval/runs/run_scene.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/training_evaluation.h"
@@ -34,10 +35,20 @@
 #include "lib/train/rank_training.h"
 #include "lib/train/residual_share.h"
 #include "lib/train/scene_options.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 namespace {
+
+std::vector<Photograph> take_views(Scene& scene, const Vec3<float>& background) {
+    if (scene.train.size() < kFewestViews)
+        throw UsageError(fmt::format("option target-psnr: {} training views are too few to hold one out; {} are needed",
+                                     scene.train.size(), kFewestViews));
+    std::vector<View> held_out, rest;
+    for (std::size_t k = 0; k < scene.train.size(); ++k)
+        (is_held_out(k) ? held_out : rest).push_back(std::move(scene.train[k]));
+    scene.train = std::move(rest);
+    return load_photographs(held_out, background);
+}
 
 namespace fs = std::filesystem;
 
@@ -175,6 +186,18 @@ TrainHooks watched(TrainHooks hooks, LiveTraining& live) {
 }
 
 }  // namespace
+
+TargetViews::TargetViews(const TrainOptions& options, Scene& scene)
+    : background_(options.background.color), photographs_(take_views(scene, background_)) {
+    if (photographs_.empty())
+        throw UsageError("option target-psnr: masks leave no pixel of the views that were held out");
+}
+
+HeldOutPsnr TargetViews::psnr(Backend& backend) const {
+    const std::vector<double> all = psnrs(backend, photographs_, background_, backend.download_ppisp().active());
+    const ColumnStats stats = column_stats(all, Better::kHigher);
+    return {stats.mean, stats.deviation.value_or(0) / std::sqrt(double(all.size()))};
+}
 
 std::string free_run_folder(const fs::path& parent, const TrainOptions& options, const std::string& suffix) {
     for (int n = 1;; ++n) {

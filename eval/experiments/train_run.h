@@ -1,15 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// One run from its options to its results: scene, choice of the appearance, training, evaluation.
+// One run from its options to its results: scene, choice of the appearance, training, evaluation, and the views that
+// tell whether a target PSNR is reached.
 #pragma once
 
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "eval/auto/photograph.h"
 #include "eval/report/table.h"
 #include "lib/core/train_options.h"
+#include "lib/scene/scene.h"
+#include "lib/train/trainer.h"
 
 namespace gs {
+
+/// The views that tell whether a run has reached its target PSNR.
+class TargetViews {
+  public:
+    /// Takes every 8th view out of scene.train. Throws UsageError if there are too few, or if masks leave none.
+    TargetViews(const TrainOptions& options, Scene& scene);
+
+    /// Measures them, with colours aligned where PPISP corrects exposures.
+    HeldOutPsnr psnr(Backend& backend) const;
+    std::size_t count() const { return photographs_.size(); }
+
+  private:
+    const Vec3<float> background_;
+    const std::vector<Photograph> photographs_;
+};
 
 class RankTeam;
 

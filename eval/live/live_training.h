@@ -1,20 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-// A training that can be watched while it goes on.
+// A training that can be watched while it goes on, and how often it stops for those who watch it.
 #pragma once
 
+#include <algorithm>
 #include <future>
 #include <memory>
 #include <optional>
 
 #include "eval/auto/photograph.h"
 #include "eval/live/live_page.h"
-#include "eval/live/pace.h"
-#include "eval/live/snapshot.h"
 #include "lib/core/train_options.h"
 #include "lib/io/temporary.h"
 #include "lib/train/trainer.h"
 
 namespace gs {
+
+/// Spaces out work that costs the training time, so that it takes at most a small share of it.
+class Pace {
+  public:
+    static constexpr double kMostShare = 0.03;    ///< of the time from the beginning of one piece of work to the next
+    static constexpr double kLeastSeconds = 2.0;  ///< between two pieces
+
+    bool due(double now) const { return now >= next_; }
+    /// Says that work was begun at `start` and cost `seconds`.
+    void spent(double start, double seconds) { next_ = start + std::max(kLeastSeconds, seconds / kMostShare); }
+
+  private:
+    double next_ = 0;
+};
 
 /// Serves the page of one training. While nobody looks it costs the training nothing but a look at a clock; what it
 /// costs else is bounded by Pace. It reads the model only where that changes nothing (TrainProgress::rows_current), so

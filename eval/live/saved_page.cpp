@@ -9,7 +9,7 @@
 #include <system_error>
 #include <thread>
 
-#include "eval/live/snapshot.h"
+#include "eval/live/live_page.h"
 #include "eval/runs/run_scene.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/shown_views.h"
@@ -18,8 +18,8 @@
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
-#include "lib/model/bring_into_frame.h"
 #include "lib/model/run_folder.h"
+#include "lib/model/whole_model.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {

@@ -10,7 +10,7 @@
 #include <functional>
 #include <numbers>
 
-#include "eval/metrics/psnr.h"
+#include "eval/metrics/pixel_metrics.h"
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
 

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The metrics by name, each with the facts that a table needs.
+// The metrics by name, each with the facts that a table needs, and two images compared by several of them.
 #pragma once
 
 #include <filesystem>
 #include <functional>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "eval/metrics/flip.h"
-#include "eval/metrics/lpips.h"
-#include "eval/metrics/ssim.h"
+#include "eval/metrics/learned_metrics.h"
+#include "eval/metrics/pixel_metrics.h"
 #include "lib/core/choices.h"
 
 namespace gs {
@@ -62,5 +63,25 @@ std::vector<std::string> parse_metric_names(const std::string& list);
 /// Returns the folder of weights: the one given on the command line, else that of the environment variable
 /// GSAPP_METRIC_WEIGHTS, else an empty path. Throws UsageError when it is no folder.
 std::filesystem::path metric_weights_folder(const std::string& given);
+
+/// What one metric says about two images.
+struct ImageScore {
+    MetricInfo metric;
+    std::string protocol;  ///< how the metric is computed, in words
+    MetricScore score;
+};
+
+/// Compares two image files, as 8 bits and with alpha on black, by the metrics of these names (parse_metric_names), one
+/// score each in their order. Throws DataError for a file that cannot be read, UsageError for images of different
+/// sizes, and what make_metrics throws.
+std::vector<ImageScore> compare_images(const std::filesystem::path& render, const std::filesystem::path& truth,
+                                       const std::vector<std::string>& metrics, const MetricOptions& options);
+
+/// Returns one line a metric: its value and which values are better, or the reason why there is none.
+std::string format_scores(const std::vector<ImageScore>& scores);
+
+/// Returns {"scores": {KEY: number}, "not_measured": {KEY: reason}, "protocol": {NAME: sentence}}. An infinite score
+/// becomes null: JSON knows no infinity.
+nlohmann::ordered_json scores_json(const std::vector<ImageScore>& scores);
 
 }  // namespace gs

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns renders and photographs into comparable images.
+// Turns renders and photographs into comparable images, and fits a map of colours by least squares over pixels.
 #include "eval/metrics/quantize.h"
+
+#include <Eigen/QR>
 
 namespace gs {
 namespace {
@@ -49,6 +51,11 @@ Image comparable_target(const Image& image, const Vec3<float>& background, bool 
     });
 }
 
+Eigen::Vector4d color_at(const RenderedImage& render, std::size_t pixel) {
+    const std::size_t pixels = std::size_t(render.width) * render.height;
+    return {render.rgb[pixel], render.rgb[pixels + pixel], render.rgb[2 * pixels + pixel], 1};
+}
+
 }  // namespace
 
 Image quantized_render(const RenderedImage& render) { return comparable_render(render, true); }
@@ -62,6 +69,33 @@ Image float_render(const RenderedImage& render) { return comparable_render(rende
 
 Image float_target(const Image& image, const Vec3<float>& background) {
     return comparable_target(image, background, false);
+}
+
+void ColourFit::add(const RenderedImage& render, const Image& photograph) {
+    for (int y = 0; y < render.height; ++y) {
+        for (int x = 0; x < render.width; ++x) {
+            const Eigen::Vector4d color = color_at(render, std::size_t(y) * render.width + x);
+            const Eigen::Vector3d wanted(photograph.value(x, y, 0), photograph.value(x, y, 1),
+                                         photograph.value(x, y, 2));
+            normal_ += color * color.transpose();
+            right_ += color * wanted.transpose();
+        }
+    }
+}
+
+ColourMap ColourFit::solve() const {
+    Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix4d> decomposition;
+    decomposition.setThreshold(1e-9);
+    decomposition.compute(normal_);
+    return decomposition.solve(right_).transpose();
+}
+
+void apply_colours(const ColourMap& map, RenderedImage& render) {
+    const std::size_t pixels = std::size_t(render.width) * render.height;
+    for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
+        const Eigen::Vector3d color = map * color_at(render, pixel);
+        for (std::size_t c = 0; c < 3; ++c) render.rgb[c * pixels + pixel] = float(color[Eigen::Index(c)]);
+    }
 }
 
 }  // namespace gs

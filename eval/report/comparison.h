@@ -1,14 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compares runs: repeated ones share a line, each scene has a table, and so has each dataset of several scenes.
+// Compares runs: repeated ones share a line, each scene has a table, and so has each dataset of several scenes. The
+// columns are metrics by their names in results.json, then the costs of a run.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "eval/report/columns.h"
+#include "eval/pages/text_table.h"
+#include "eval/report/table.h"
 
 namespace gs {
+
+/// The direction in which a column's values are better.
+enum class Better { kNeither, kHigher, kLower };
+
+/// A unit in which all values of a column can be written.
+struct ColumnUnit {
+    std::string name;
+    double factor = 1;  ///< from the values of the column
+    int decimals = 0;
+};
+
+/// A column: its names, and how its values are read and written.
+struct Column {
+    std::string key;    ///< name in CSV and JSON; a metric's name in results.json
+    std::string title;  ///< heading for readers
+    Better better = Better::kNeither;
+    std::string (*text)(double) = nullptr;                     ///< value rounded for readers, with its unit
+    std::optional<double> (*cost)(const TableRow&) = nullptr;  ///< value of a cost; null for a metric
+    std::vector<ColumnUnit> units = {};                        ///< from small to large; empty for pure numbers
+};
+
+/// Returns the largest unit of which `largest` has at least two, or the smallest. The column must have units.
+const ColumnUnit& column_unit(const Column& column, double largest);
+
+/// Returns PSNR, SSIM, every other metric that a row has or was asked for (those of unknown names last), then the
+/// bytes of a Gaussian, #Gs, train time, peak memory and FPS.
+std::vector<Column> table_columns(const std::vector<TableRow>& rows);
+
+/// Returns the row's value; empty where it has none.
+std::optional<double> column_value(const Column& column, const TableRow& row);
 
 /// The statistics of one column over the runs of a line.
 struct ColumnStats {
@@ -52,5 +84,30 @@ ColumnStats column_stats(const std::vector<double>& values, Better better);
 /// runs. Where the seeds of the scenes differ it is the mean of the scenes' means, without deviation. Throws UsageError
 /// when protocols differ or a folder is named twice.
 Comparison compare_runs(const std::vector<TableRow>& rows);
+
+/// The formats of format_comparison.
+enum class TableFormat { kMarkdown, kTerminal, kCsv, kLatex, kJson };
+
+/// Parses markdown | csv | latex | json. Throws UsageError naming these. (kTerminal is Markdown without escapes and
+/// marks, for stdout that is a terminal.)
+TableFormat parse_table_format(const std::string& name);
+
+/// Writes all tables, ending with a newline. Markdown and LaTeX (booktabs) are rounded for reading. They show mean +-
+/// deviation and the worst run where runs were repeated, mark places 1, 2, 3 (bold, underlined, italic) as far as
+/// `marks`, and state the protocol under every table. LaTeX has one unit a column, in its heading. CSV (one table, one
+/// line a row) and JSON carry full numbers: times in seconds, memory in bytes.
+std::string format_comparison(const Comparison& comparison, TableFormat format, std::optional<int> marks = {});
+
+/// Writes all tables as CSV.
+std::string comparison_csv(const Comparison& comparison);
+/// Writes all tables as JSON.
+std::string comparison_json(const Comparison& comparison);
+
+/// Returns the cells that Markdown, LaTeX and HTML show. Leaves out columns of words that say nothing (no options, no
+/// correction, one run) and columns of costs that no line has. `marks` places are marked; empty: 3 where more than
+/// three lines compare, otherwise 1. With `units_in_header` all numbers of a column have the unit that its heading
+/// names.
+TextTable text_table(const ComparisonTable& table, const std::vector<Column>& columns, std::optional<int> marks = {},
+                     bool units_in_header = false);
 
 }  // namespace gs

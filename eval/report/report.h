@@ -35,4 +35,8 @@ std::string report_plots(const Comparison& comparison);
 ///    "scenes": [{"name", "views": [name], "runs": [{"label", "layers": {"full": [index], ..}}]}]}
 std::string report_pictures(const Comparison& comparison, const ReportOptions& options);
 
+/// The text of eval/report/report_page.html: the body of write_report's page, with the placeholders {{tables}},
+/// {{frames}}, {{plots}}, {{stability}}, {{program}} and {{pictures}} in this order.
+extern const char* const kReportPage;
+
 }  // namespace gs

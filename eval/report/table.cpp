@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/runs/protocol.h"
-#include "eval/runs/training_options.h"
+#include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"

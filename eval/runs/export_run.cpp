@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packs a run for the web viewer, or converts it for other programs.
+// Packs a run for the web viewer and scores what that loses, or converts it for other programs.
 #include "eval/runs/export_run.h"
 
 #include <fmt/format.h>
@@ -12,30 +12,30 @@
 #include "appearance/model_info.h"
 #include "eval/metrics/quantize.h"
 #include "eval/runs/camera_path.h"
-#include "eval/runs/coarser_levels.h"
 #include "eval/runs/decompose.h"
 #include "eval/runs/evaluate.h"
 #include "eval/runs/orbit.h"
-#include "eval/runs/saved_run.h"
 #include "eval/runs/shown_views.h"
 #include "eval/runs/site_page.h"
-#include "eval/runs/view_scores.h"
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/version.h"
+#include "lib/export/coarser.h"
 #include "lib/export/pack_scene.h"
+#include "lib/export/packed_model.h"
 #include "lib/export/sh_projection.h"
 #include "lib/export/site.h"
 #include "lib/export/splat_file.h"
 #include "lib/export/turn.h"
 #include "lib/io/atomic_file.h"
-#include "lib/model/center.h"
 #include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
+#include "lib/model/whole_model.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/frame.h"
+#include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
@@ -314,6 +314,43 @@ std::vector<Camera> cameras_of(const ExportRequest& request) {
 }
 
 }  // namespace
+
+double packed_psnr(SavedRun& run, const PackedScene& scene) {
+    const std::vector<View>& views = run.scene.test;
+    EvalOptions options;
+    options.correction = run.correction;
+    Gaussians model = packed_geometry(scene);
+    model.ppisp = run.backend->download_ppisp();
+    const auto backend = make_backend(run.options.device, model.appearance, backend_options(run.options));
+    double psnr = 0;
+    for (const View& view : views) {
+        set_packed_colors(scene, camera_params<double>(view.camera).position, model);
+        backend->upload(model);
+        psnr += evaluate_views(*backend, {view}, run.background, options).psnr / double(views.size());
+    }
+    return psnr;
+}
+
+PackingLoss packing_loss(SavedRun& run, const PackedScene& scene) {
+    EvalOptions options;
+    options.correction = run.correction;
+    return {.psnr = evaluate_views(*run.backend, run.scene.test, run.background, options).psnr,
+            .packed_psnr = packed_psnr(run, scene)};
+}
+
+PackedPpisp packed_correction(SavedRun& run, const std::vector<View>& views) {
+    const PpispState state = run.backend->download_ppisp();
+    PackedPpisp packed = pack_ppisp(state);
+    for (const View& view : views) {
+        RenderRequest request;
+        request.camera = camera_params(view.camera);
+        request.background = run.background;
+        RenderedImage image;
+        run.backend->render(request, image);
+        packed.views.push_back(packed_frame(state, view_isp(view, run.correction), image));
+    }
+    return packed;
+}
 
 std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOptions& site) {
     const std::filesystem::path folder = request.output, viewer = viewer_folder();

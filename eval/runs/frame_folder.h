@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The folder of the frames of one call of gsapp render.
+// The folder of the frames of one call of gsapp render, and videos of them.
 #pragma once
 
 #include <filesystem>
@@ -7,8 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "eval/runs/depth_kind.h"
+#include "eval/runs/false_colors.h"
 #include "lib/io/temporary.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 
@@ -45,5 +46,17 @@ class FrameFolder {
     std::vector<std::filesystem::path> missing_;  ///< the folder and those above it that did not exist
     std::unique_ptr<WorkFolder> work_;
 };
+
+/// Checks, before anything is rendered, that a video of these views can be made. Throws UsageError for a name that ends
+/// neither in .mp4 nor in .webm, for pictures of different sizes or of fewer than 2x2 pixels, and if ffmpeg is not
+/// installed.
+void require_video(const std::filesystem::path& video, const std::vector<View>& views);
+
+/// Makes a video of the pictures 00000.png, ..., of a folder: H.264 or VP9, by the ending of the name, with 8 bits and
+/// colour at half the resolution, as every player shows it. Such videos have even sizes, so an odd last row or column
+/// is cut off. An earlier video of this name is replaced. Throws DataError with ffmpeg's last lines if it fails, and
+/// Interrupted.
+void make_video(const std::filesystem::path& video, const std::filesystem::path& pictures, std::size_t count,
+                double fps);
 
 }  // namespace gs

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "eval/runs/depth_kind.h"
+#include "eval/runs/false_colors.h"
 #include "eval/runs/saved_run.h"
 
 namespace gs {

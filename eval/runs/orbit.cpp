@@ -10,8 +10,8 @@
 
 #include "kernels/base/error.h"
 #include "lib/core/median.h"
-#include "lib/model/center.h"
-#include "lib/scene/common_target.h"
+#include "lib/model/whole_model.h"
+#include "lib/scene/frame.h"
 
 namespace gs {
 namespace {

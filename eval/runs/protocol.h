@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "eval/metrics/lpips.h"
-#include "eval/metrics/ssim.h"
+#include "eval/metrics/learned_metrics.h"
+#include "eval/metrics/pixel_metrics.h"
 #include "kernels/base/vec.h"
 
 namespace gs {

@@ -6,7 +6,7 @@
 
 #include "eval/metrics/quantize.h"
 #include "eval/runs/decompose.h"
-#include "eval/runs/depth_colors.h"
+#include "eval/runs/false_colors.h"
 #include "eval/runs/frame_folder.h"
 #include "eval/runs/geometry_renderer.h"
 #include "eval/runs/render_queue.h"

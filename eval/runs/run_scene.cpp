@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compares a scene with the list of views in a run.
+// Compares a scene with the list of views in a run, and collects the options that decide what a training makes, as
+// texts.
 #include "eval/runs/run_scene.h"
 
 #include <fmt/format.h>
@@ -9,7 +10,6 @@
 #include <iterator>
 #include <vector>
 
-#include "eval/runs/training_options.h"
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/options.h"
@@ -20,6 +20,24 @@
 
 namespace gs {
 namespace {
+
+/// Returns whether runs of one experiment may differ in this option: it changes nothing of the model (to the bit, on
+/// the CPU), or chance alone. `source` is compared by the place that it names.
+bool is_immaterial(const Option& option) {
+    static const std::vector<std::string> keys = {"source",
+                                                  "model",
+                                                  "image-cache",
+                                                  "overwrite",
+                                                  "resume",
+                                                  "seed",
+                                                  "test-iterations",
+                                                  "save-iterations",
+                                                  "checkpoint-iterations",
+                                                  "checkpoint-minutes",
+                                                  "preview-every",
+                                                  "verify-images"};
+    return option.group == "Logging" || std::find(keys.begin(), keys.end(), option.key) != keys.end();
+}
 
 namespace fs = std::filesystem;
 
@@ -102,6 +120,18 @@ void require_scene_exists(const fs::path& run_folder, const TrainOptions& option
 }
 
 }  // namespace
+
+std::map<std::string, std::string> training_options(const TrainOptions& named) {
+    const TrainOptions options = with_absolute_paths(named);
+    std::map<std::string, std::string> texts;
+    for (const Option& option : train_option_table())
+        if (!is_immaterial(option)) texts[option.key] = option_text(option, options);
+    const bool builtin = options.source.starts_with("builtin:");
+    std::error_code error;
+    const auto resolved = std::filesystem::weakly_canonical(options.source, error);
+    texts["source"] = builtin || error ? options.source : resolved.string();
+    return texts;
+}
 
 std::string difference_to_scene(const fs::path& run_folder, const TrainOptions& options, const Scene& scene) {
     std::vector<ListedView> own = read_cameras_json(RunFolder{run_folder}.cameras()), now = views_of(scene);

@@ -1,14 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene of a run: where it is, and whether what is there is what the run was trained on.
+// The scene of a run: where it is, and whether what is there is what the run was trained on; and the options that make
+// two runs the same experiment.
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
+
+/// Returns the options that decide what a run becomes, as text by key: all but messages, folders, saving along the way
+/// and the seed. Paths are resolved, so that one scene named in two ways counts as one. Two runs with equal maps
+/// differ only by chance.
+std::map<std::string, std::string> training_options(const TrainOptions& options);
 
 /// Returns how `scene`, loaded with these options, differs from the one that the run was begun with (cameras.json): in
 /// images, split, sizes or cameras, with the first image that does. Sizes count if the options ask for the run's own,

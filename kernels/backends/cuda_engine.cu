@@ -9,11 +9,10 @@
 
 #include "appearance/model_info.h"
 #include "kernels/base/half_range.h"
-#include "kernels/blend/median_cuda.h"
-#include "kernels/blend/residual_scores_cuda.h"
+#include "kernels/blend/blend_cuda.h"
 #include "kernels/cuda/cuda_device.h"
-#include "kernels/densify/residual_handles_cuda.h"
-#include "kernels/loss/loss_sums_cuda.cuh"
+#include "kernels/densify/rows_cuda.h"
+#include "kernels/loss/loss_cuda.h"
 
 namespace gs {
 namespace {

@@ -8,7 +8,7 @@
 #include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/base/parallel.h"
 #include "kernels/densify/rows_cuda.h"
-#include "kernels/loss/loss_sums_cuda.cuh"
+#include "kernels/loss/loss_cuda.h"
 #include "kernels/optimizer/sum_rows_cuda.h"
 
 namespace gs {

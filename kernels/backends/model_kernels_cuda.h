@@ -6,12 +6,11 @@
 
 #include "kernels/blend/blend_cuda.h"
 #include "kernels/engine.h"
-#include "kernels/optimizer/lazy_args_cuda.cuh"
+#include "kernels/optimizer/lazy_cuda.h"
 #include "kernels/optimizer/sum_rows_cuda.h"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/binning_cuda.h"
-#include "kernels/splat/view_report.h"
 #include "kernels/splat/wire_splat.h"
 
 namespace gs {

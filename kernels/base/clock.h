@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The clock that measures durations.
+// Clocks, and what this process uses of the machine.
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 
 namespace gs {
 
@@ -10,5 +11,11 @@ namespace gs {
 inline double seconds_now() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
+
+/// Returns the bytes of memory that this process occupies now, or 0 where the system does not say.
+std::int64_t resident_bytes();
+
+/// Returns the seconds that the threads of this process have computed, since its beginning. Waiting does not count.
+double cpu_seconds();
 
 }  // namespace gs

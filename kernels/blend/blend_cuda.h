@@ -9,10 +9,13 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "kernels/blend/blend_device.h"
+#include "kernels/blend/residual_score.h"
 #include "kernels/cuda/device_memory.h"
-#include "kernels/splat/bins_cuda.h"
+#include "kernels/requests.h"
+#include "kernels/splat/gaussian_rows_device.h"
 #include "kernels/splat/splat_cuda.h"
 #include "kernels/splat/step_control_cuda.h"
 
@@ -91,6 +94,60 @@ class CudaBlend {
     std::span<uint4> marks_;  ///< hits and counts of processed instances, which lie behind each other
     BlendTrail trail_;
     PackedSums* partial_ = nullptr;  ///< (slots, sub-tiles)
+};
+
+// The medians of a view's pixels on the device (docs/math/rasterizer.md#median).
+
+/// Replaces the colours of a view that was blended into `image` by those of the pixels' medians; 0 where transmittance
+/// stays above 1/2.
+void write_medians(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, cudaStream_t stream);
+
+// The scores of all Gaussians on the device, gathered view by view (docs/math/densification.md#pruning-by-score).
+
+/// The scores of n Gaussians. It holds 4 bytes a Gaussian while it lives, and 24 bytes an instance more with a fixed
+/// order of sums.
+class CudaScores {
+  public:
+    /// Starts with scores of zero.
+    CudaScores(std::int64_t n, cudaStream_t stream);
+
+    /// Adds a view that was blended into `image`. It uses float atomics, whose order varies from run to run. With
+    /// `slots`, which belong to `num_instances`, the order is fixed.
+    void add(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const SlotMap* slots,
+             std::int64_t num_instances);
+
+    /// Waits for the stream and returns the scores (n).
+    std::vector<float> download() const;
+
+  private:
+    std::int64_t n_;
+    cudaStream_t stream_;
+    DeviceBuffer<float> scores_;
+    DeviceBuffer<float> partial_;  ///< (slots, sub-tiles)
+};
+
+/// The sums of the Gaussians of a model that have a residual.
+class CudaResidualScores {
+  public:
+    /// Returns what an object takes while it lives.
+    static std::int64_t bytes(std::int64_t num_residuals) {
+        return num_residuals * std::int64_t(sizeof(Vec3<float>) + sizeof(ResidualSums));
+    }
+    CudaResidualScores(std::int64_t num_residuals, cudaStream_t stream);
+
+    /// Keeps the gradients by the colours, from the backward pass of a view's error. `counts` of 0: out of view.
+    void keep_gradients(const std::uint32_t* counts, const PackedSums* sums);
+    /// Adds the view, with the sums of the backward pass of its weights.
+    void add(const ParameterView<float>& params, const std::uint32_t* counts, const PackedSplat* splats,
+             const PackedSums* sums);
+    /// Waits for the stream and returns the sums.
+    std::vector<ResidualSums> download() const;
+
+  private:
+    std::int64_t num_residuals_;
+    cudaStream_t stream_;
+    DeviceBuffer<Vec3<float>> gradients_;
+    DeviceBuffer<ResidualSums> sums_;
 };
 
 }  // namespace gs

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gathers what residuals are worth, on the device.
-#include "kernels/blend/residual_scores_cuda.h"
+#include "kernels/blend/blend_cuda.h"
 
 namespace gs {
 namespace {

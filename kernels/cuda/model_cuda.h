@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "kernels/cuda/device_memory.h"
-#include "kernels/state/model_arrays.h"
+#include "kernels/state/gaussian_state.h"
 
 namespace gs {
 
@@ -19,7 +19,7 @@ struct CudaModel {
     DeviceBuffer<float> gradient_sum, gradient_count;
     bool has_last_step = false;  ///< last_step holds `count` values
     DeviceBuffer<float> last_step;
-    /// In the place of the residuals and their moments while rows of a mixed model move (residual_handles_cuda.h).
+    /// In the place of the residuals and their moments while rows of a mixed model move (kernels/densify/rows_cuda.h).
     DeviceBuffer<float> handles[3];
     bool rows_moved = false;  ///< whether rows moved since the handles took their place
     bool broken = false;      ///< whether an error came between that and the return of the residuals

@@ -3,11 +3,25 @@
 // way.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "kernels/requests.h"
 
 namespace gs {
+
+// The rule of pruning by score (docs/math/densification.md#pruning-by-score), the same on every backend.
+
+/// Returns the rank of the threshold among n scores, where rank 1 is the lowest.
+inline std::int64_t score_rank(double ratio, std::int64_t n) {
+    return std::clamp<std::int64_t>(std::int64_t(std::floor(ratio * double(n - 1))) + 1, 1, n);
+}
+
+/// Returns the number of rows that always stay, a hundredth. Where no view shows anything all scores are 0, and all
+/// rows would go.
+inline std::int64_t least_kept(std::int64_t n) { return (n + 99) / 100; }
 
 /// Makes old row order[k] the new row k, and removes rows that `order` does not name. Moments and the ADC statistic
 /// move along. Of a mixed model the rows with a residual come first, each kind in the order of `order`.
@@ -34,7 +48,7 @@ std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups
 /// Removes Gaussians that no view can show: opacity < 1/255 or |q|^2 < 1e-8. Returns their number.
 std::int64_t remove_invisible(Gaussians& state);
 
-/// Returns the rows, ascending, that stay when the share `ratio` of lowest scores goes (score_rule.h).
+/// Returns the rows, ascending, that stay when the share `ratio` of lowest scores goes (score_rank()).
 std::vector<std::uint32_t> rows_of_highest_scores(const std::vector<float>& scores, double ratio);
 
 /// Returns the rows in the order of the Morton codes of their means, 21 bits an axis

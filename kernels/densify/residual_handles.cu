@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Puts handles in the place of residuals, and residuals in the place of handles, on the device.
-#include "kernels/densify/residual_handles_cuda.h"
-
 #include "kernels/densify/rows_cuda.h"
 
 namespace gs {

@@ -1,13 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lazy updates of residuals on the device (lazy_adam.h).
+// The lazy updates of residuals on the device (lazy_adam.h). Only .cu files include this header.
 #pragma once
 
 #include <algorithm>
 
 #include "kernels/cuda/model_cuda.h"
-#include "kernels/optimizer/lazy_args_cuda.cuh"
+#include "kernels/optimizer/lazy_adam.h"
+#include "kernels/optimizer/moments_cuda.cuh"
 
 namespace gs {
+
+/// The steps by which residuals are behind (lazy_adam.h).
+struct LazyArgs {
+    std::uint32_t* last_step;  ///< (n) Adam's step up to which a residual is caught up; null if none is behind
+    std::uint32_t step;        ///< step to be taken
+    MomentRows moments;        ///< moments of the residuals
+    LazyTable table;
+
+    __device__ int lag(std::int64_t i) const { return last_step ? int(step - 1 - last_step[i]) : 0; }
+};
 
 /// Updates the residuals of `model` lazily. Every call works on `stream`.
 class CudaLazyResiduals {

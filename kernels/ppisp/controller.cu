@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The controller on the device. Each row of 3x3 pixels has a block of threads, whose sums are added in order. One block
 // does the layers behind the mean.
-#include "kernels/ppisp/controller_cuda.h"
+#include "kernels/ppisp/ppisp_cuda.h"
 #include "kernels/state/adam_device.h"
 
 namespace gs {

@@ -6,10 +6,9 @@
 
 #include "kernels/base/parallel.h"
 #include "kernels/base/rng.h"
-#include "kernels/ppisp/controller.h"
+#include "kernels/ppisp/ppisp.h"
 
 namespace gs {
-
 namespace {
 
 /// Computes out = W in + b.

@@ -83,7 +83,7 @@ class Backend {
     /// Removes Gaussians that can never be seen: opacity below 1/255 or |q|^2 < 1e-8. Returns their number.
     std::int64_t prune_invisible();
     /// Removes the share `ratio` (0..1) of Gaussians with the lowest scores() in `views`, and all whose score equals
-    /// the highest of these. At least 1 % stay (kernels/densify/score_rule.h). Returns their number.
+    /// the highest of these. At least 1 % stay (kernels/densify/densify.h). Returns their number.
     std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio);
     /// Sorts all rows by the Morton code of the mean (docs/math/densification.md#morton-order).
     void morton_sort();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the ranks of a training say to each other. A rank is one of the processes that train one model together.
+// What the ranks of a training say to each other, and how fast. A rank is one of the processes that train one model
+// together.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +13,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "kernels/base/device_stream.h"
+#include "kernels/base/device_array.h"
 
 namespace gs {
 
@@ -165,5 +166,18 @@ template <class T> void sum_over_ranks(Communicator& ranks, std::vector<T>& valu
         values[k] = T(sum);
     }
 }
+
+/// The connection of one rank with the others, while all exchange at the same time as they do in a step. 0 for a rank
+/// alone.
+struct LinkSpeed {
+    double message_bytes = 0;     ///< that each rank sent in one exchange, and received
+    double bytes_per_second = 0;  ///< of the way that splats take: sent by a rank while it received as many, median
+    double latency_seconds = 0;   ///< of an exchange of 16 bytes with each other rank, host to host: median
+    double device_latency_seconds = 0;  ///< of one of 16 bytes from device to device, until it is there; 0 without any
+};
+
+/// Measures the connection, from the memory of `device` to that of the other ranks', or between hosts where it is null.
+/// All ranks must call it.
+LinkSpeed measure_link(Communicator& ranks, DeviceStream* device);
 
 }  // namespace gs

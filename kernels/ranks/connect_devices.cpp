@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "kernels/base/error.h"
-#include "kernels/ranks/nccl_library.h"
 
 namespace gs {
 namespace {

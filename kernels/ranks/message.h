@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values in a row of bytes, as one rank sends them to another of the same build.
+// Values in a row of bytes, as one rank sends them to another of the same build, and the structures of the Backend
+// interface in this form.
 #pragma once
 
 #include <string>
 
 #include "kernels/base/error.h"
 #include "kernels/ranks/communicator.h"
+#include "kernels/requests.h"
 
 namespace gs {
 
@@ -79,5 +81,16 @@ void send_to_others(Communicator& ranks, const MessageWriter& message);
 MessageReader receive_from_rank_0(Communicator& ranks);
 /// Sends a message to one other rank.
 void send_to(Communicator& ranks, int rank, const MessageWriter& message);
+
+/// A step goes without the pixels of its target, which the rank that renders the view reads by the target's id.
+void put(MessageWriter& to, const StepRequest& request);
+void get(MessageReader& from, StepRequest& request);
+void put(MessageWriter& to, const std::vector<StepRequest>& requests);
+void get(MessageReader& from, std::vector<StepRequest>& requests);
+
+void put(MessageWriter& to, const Gaussians& model);
+void get(MessageReader& from, Gaussians& model);
+void put(MessageWriter& to, const PpispState& state);
+void get(MessageReader& from, PpispState& state);
 
 }  // namespace gs

@@ -11,7 +11,7 @@
 #include "kernels/base/parallel.h"
 #include "kernels/blend/residual_score.h"
 #include "kernels/ppisp/ppisp.h"
-#include "kernels/ranks/messages.h"
+#include "kernels/ranks/message.h"
 
 namespace gs {
 namespace {

@@ -2,7 +2,6 @@
 // Stands in for NCCL in builds that found no nccl.h. The others do not compile it.
 #include "kernels/base/error.h"
 #include "kernels/ranks/connect_devices.h"
-#include "kernels/ranks/nccl_library.h"
 
 namespace gs {
 

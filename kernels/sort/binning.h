@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/splat/instance.h"
+#include "kernels/splat/depth_key.h"
 
 namespace gs {
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Depth as a sort key. It is the same on both backends, so that both blend in the same order.
+// Gaussian-tile pairs on the CPU, and depth as a sort key. The key is the same on both backends, so that both blend in
+// the same order.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +9,12 @@
 #include "kernels/base/portable.h"
 
 namespace gs {
+
+/// One (Gaussian, tile) pair.
+struct Instance {
+    std::uint32_t gaussian;
+    std::uint32_t slot;  ///< position in Gaussian-major order: the instances of one Gaussian are neighbours there
+};
 
 inline constexpr int kDepthKeyBits = 24;
 /// Keys of depths between near and far are smaller than this, which fits into the bits, too.

@@ -2,8 +2,6 @@
 // Puts each splat in its place.
 #include "kernels/splat/splat_order.h"
 
-#include "kernels/splat/splat_order_device.h"
-
 namespace gs {
 
 void order_on_host(const SplatParts& splats, const RowParts& rows, const std::vector<RowCounts>& of_ranks,

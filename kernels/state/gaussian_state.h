@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host-side form of a model under training. Backends upload and download it, and files store it.
+// The form of a model under training on the host, and its arrays as kernels take them. Backends upload and download it,
+// and files store it.
 #pragma once
 
 #include <array>
@@ -64,6 +65,15 @@ using Gaussians = GaussianState<float>;
 /// The rows of a model, or of a part of it.
 struct RowCounts {
     std::int64_t count = 0, num_residuals = 0;  ///< all, and the first of them, which have a residual
+};
+
+/// The pointers to the rows of all groups.
+struct ModelArrays {
+    float *param[kNumGroups], *m[kNumGroups], *v[kNumGroups];
+    int width[kNumGroups];
+    float *gradient_sum, *gradient_count;       ///< ADC statistic, or null
+    float* last_step;                           ///< as in GaussianState, or null where all take each step
+    float *shared_param, *shared_m, *shared_v;  ///< weights that all Gaussians share, or null
 };
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Merges Gaussians into the neighbours that stay.
+// Merges Gaussians into the neighbours that stay, and halves a model again and again.
 #include "lib/export/coarser.h"
 
 #include <Eigen/Dense>
@@ -12,8 +12,8 @@
 
 #include "kernels/base/parallel.h"
 #include "kernels/splat/raster_config.h"
-#include "lib/export/mean_area.h"
-#include "lib/export/selected_rows.h"
+#include "lib/export/file_rows.h"
+#include "lib/export/ngsplat.h"
 
 namespace gs {
 namespace {
@@ -165,6 +165,19 @@ CoarserModel coarser_model(const Gaussians& g, const std::vector<float>& scores,
         out.scores[std::size_t(k)] = float(whole[std::size_t(k)].weight);
     });
     return out;
+}
+
+std::vector<std::int64_t> level_counts(std::int64_t count) {
+    std::vector<std::int64_t> counts;
+    for (count /= 2; counts.size() < std::size_t(kMostLevels) && count >= ngsplat_unit(); count /= 2)
+        counts.push_back(count);
+    return counts;
+}
+
+std::vector<CoarserModel> coarser_levels(const Gaussians& model, const std::vector<float>& scores) {
+    std::vector<CoarserModel> levels;
+    for (const std::int64_t count : level_counts(model.count)) levels.push_back(coarser_model(model, scores, count));
+    return levels;
 }
 
 }  // namespace gs

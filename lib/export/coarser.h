@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes a model of fewer Gaussians that shows nearly the same.
+// Makes models of fewer Gaussians that show nearly the same, for devices without the memory or the speed for all of
+// them.
 #pragma once
 
 #include <cstdint>
@@ -21,5 +22,15 @@ struct CoarserModel {
 /// weighted by score, as much opacity times area as both, and its own residual. Rows of equal scores stay in their
 /// order. The optimizer state is dropped. docs/lab/viewer.md#levels-of-detail has what else was tried.
 CoarserModel coarser_model(const Gaussians& model, const std::vector<float>& scores, std::int64_t count);
+
+/// The most levels beside the whole model. Each has half the Gaussians of the one before.
+inline constexpr int kMostLevels = 4;
+
+/// Returns the numbers of Gaussians of the levels of a model with `count`: halves as long as they have at least those
+/// that the textures of a file have room for anyway (ngsplat_unit), so that a coarser level is a smaller file.
+std::vector<std::int64_t> level_counts(std::int64_t count);
+
+/// Returns the levels of `model`, the largest first; `scores` has one value per row (Backend::scores).
+std::vector<CoarserModel> coarser_levels(const Gaussians& model, const std::vector<float>& scores);
 
 }  // namespace gs

@@ -6,6 +6,8 @@
 #include <array>
 #include <cstdint>
 
+#include "appearance/packing.h"
+
 namespace gs {
 
 /// The range of base colours, d = code * scale + offset, for all channels of all Gaussians.
@@ -42,5 +44,15 @@ int base_code(double value, const BaseRange& range);
 GeometryWords encode_geometry(const PackedGeometry& geometry, const BaseRange& range);
 /// Returns the values that the words stand for.
 PackedGeometry decode_geometry(const GeometryWords& words, const BaseRange& range);
+
+/// Returns the range whose codes give the smallest error of the activated colour with its packed residual, over a few
+/// directions. `shift` is added to the base colours. Returns the default range without Gaussians.
+BaseRange find_base_range(const Gaussians& gaussians, double shift, const Packing& packing,
+                          const PackedAppearance& packed);
+
+/// An ellipsoid has 24 descriptions: its axes in any order and direction, as long as they are right-handed. Replaces
+/// rotation and scale by the description whose rounded rotation changes the outline least; turning equal axes into each
+/// other changes nothing. The new rotation has length 1.
+void choose_axes(PackedGeometry& geometry);
 
 }  // namespace gs

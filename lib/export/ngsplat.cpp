@@ -13,7 +13,7 @@
 
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
-#include "lib/export/file_order.h"
+#include "lib/export/file_rows.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {

@@ -1,21 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packs a trained model into the scene that a viewer loads.
+// Packs a trained model, and the photometric correction with it, into the scene that a viewer loads.
 #pragma once
 
+#include "kernels/requests.h"
 #include "kernels/state/gaussian_state.h"
 #include "lib/export/ngsplat.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
 
-/// Throws DataError naming group and row of the first parameter without meaning (lib/model/limit_values.h).
+/// Packs the response of the first camera and, for free views, exposure and colour of the training image of median
+/// exposure. `views` stays empty. `state` must be active.
+PackedPpisp pack_ppisp(const PpispState& state);
+
+/// Returns exposure and colour of a view. With the mode kController its camera's controller predicts them from the
+/// uncorrected render; otherwise they are zero.
+PackedFrame packed_frame(const PpispState& state, const IspView& view, const RenderedImage& uncorrected);
+
+/// Throws DataError naming group and row of the first parameter without meaning (lib/model/whole_model.h).
 void require_finite(const Gaussians& gaussians);
 
 /// Returns the Gaussians that can be visible, in their order: opacity at least 1/255 and a rotation with a direction.
 Gaussians visible_gaussians(const Gaussians& gaussians);
 
 /// Puts the rows in the order in which a viewer that shows what has arrived should get them: in kImportanceClasses
-/// (lib/export/file_order.h) by the root of score times opacity, largest first. Without `scores` (Backend::scores, one
+/// (lib/export/file_rows.h) by the root of score times opacity, largest first. Without `scores` (Backend::scores, one
 /// per row, of views to train on) it is opacity times mean width, the root of the mean projected area. Rows of a class
 /// keep their order, which is mostly that of the Morton curve, so that neighbours stay close in memory. Those with a
 /// residual stay in front, and each part is ordered by itself. The optimizer state is dropped. Deterministic.

@@ -1,10 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Projects any appearance to spherical harmonics, for programs that know only these.
+// Projects any appearance to spherical harmonics, for programs that know only these, by samples of the direction.
 #pragma once
 
+#include <Eigen/Core>
+#include <vector>
+
+#include "kernels/base/vec.h"
 #include "kernels/state/gaussian_state.h"
 
 namespace gs {
+
+/// Returns a Fibonacci lattice of unit vectors; `phase` turns it about its axis, radians.
+std::vector<Vec3<double>> sphere_directions(int count, double phase = 0);
+
+/// Returns the basis with one row per direction: Y_0 and the bands up to `degree` (0..3).
+Eigen::MatrixXd sh_basis_matrix(const std::vector<Vec3<double>>& at, int degree);
 
 struct ShProjection {
     Gaussians gaussians;  ///< plain_sh_appearance(degree): the colours' least-squares fit

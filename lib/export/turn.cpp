@@ -10,7 +10,7 @@
 #include "appearance/model_info.h"
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
-#include "lib/export/sh_fit.h"
+#include "lib/export/sh_projection.h"
 
 namespace gs {
 namespace {

@@ -2,15 +2,48 @@
 // The ranks of a training: finds or starts them, connects them, and ends them all when one is lost.
 #pragma once
 
+#include <sys/types.h>
+
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "kernels/ranks/communicator.h"
 #include "lib/group/rank_place.h"
 
 namespace gs {
 
+/// The other ranks of one machine, as processes of this program with the same command line.
+class LocalRanks {
+  public:
+    /// Starts ranks 1 to size-1, which meet rank 0 at `port` of this machine and know it by `secret`. They get no
+    /// input, print nothing on stdout, and end when this process does. Throws Error when one cannot be started.
+    LocalRanks(int size, int port, const std::string& secret);
+    /// Waits for them for some seconds, and then ends them.
+    ~LocalRanks();
+    LocalRanks(const LocalRanks&) = delete;
+    LocalRanks& operator=(const LocalRanks&) = delete;
+
+    /// Returns in words how a rank ended that was not ended by an error that it reports itself; nothing while all run.
+    std::optional<std::string> first_lost();
+    /// Ends them now.
+    void kill();
+
+  private:
+    struct Process {
+        int rank;
+        pid_t pid;
+        bool running = true;
+    };
+    std::vector<Process> processes_;
+};
+
+/// Makes this process end with the one that started it as a LocalRank. Does nothing in others.
+void end_with_rank_0();
+
+/// The ranks of a training.
 class RankTeam {
   public:
     /// Joins the ranks that torchrun or Slurm started (rank_place), or else starts `local_ranks` - 1 processes beside

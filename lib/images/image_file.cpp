@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Opens and decodes image files with OpenImageIO.
+// Opens and decodes image files with OpenImageIO, and has the one symbol by which the program finds the functions of
+// this module.
 #include "lib/images/image_file.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cctype>
-#include <cstdint>
 #include <cstring>
 #include <new>
 #include <type_traits>
-#include <vector>
 
 #include "kernels/base/error.h"
 
@@ -148,3 +147,9 @@ void ImageFile::fail(const std::string& reason) const {
 }
 
 }  // namespace gs
+
+extern "C" {
+extern const gs::ImageModule gsapp_images;
+const gs::ImageModule gsapp_images{gs::images::read_info, gs::images::read, gs::images::encode, gs::images::encode_jpeg,
+                                   gs::images::encode_upright};
+}

@@ -1,24 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
-// An image file opened by OpenImageIO: by its first bytes and not by its name, and only if it can hold what it
-// declares.
+// What the module for images does for the program: the functions of lib/io/image_module.h. It opens image files with
+// OpenImageIO by their first bytes and not by their names, and only if they can hold what they declare.
 #pragma once
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "lib/io/image_module.h"
+
+namespace gs::images {
+
+ImageInfo read_info(const ImageSource& source);
+Image read(const ImageSource& source);
+std::vector<std::uint8_t> encode(const std::filesystem::path& path, const Image& image);
+std::vector<std::uint8_t> encode_jpeg(const Image& image, int quality);
+std::vector<std::uint8_t> encode_upright(const std::filesystem::path& from, const std::filesystem::path& to,
+                                         int orientation);
+
+}  // namespace gs::images
 
 namespace gs {
 
 /// Returns a message of OpenImageIO without the line break at its end, "unknown reason" for an empty one.
 std::string reason_from(std::string text);
 
+/// An image file opened by OpenImageIO: by its first bytes and not by its name, and only if it can hold what it
+/// declares.
 class ImageFile {
   public:
     /// Reads the header. Throws DataError naming the file and the reason. As all functions here it throws

@@ -10,7 +10,6 @@
 #include <type_traits>
 
 #include "lib/images/image_file.h"
-#include "lib/images/images.h"
 
 namespace gs::images {
 namespace {

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <array>
 #include <bit>
 #include <cerrno>
 #include <chrono>
@@ -14,11 +15,22 @@
 #include <system_error>
 
 #include "kernels/base/error.h"
-#include "lib/io/crc32c.h"
 #include "lib/io/temporary.h"
 
 namespace gs {
 namespace {
+
+constexpr std::uint32_t kReflectedPolynomial = 0x82F63B78;
+
+constexpr std::array<std::uint32_t, 256> make_table() {
+    std::array<std::uint32_t, 256> table{};
+    for (std::uint32_t byte = 0; byte < 256; ++byte) {
+        std::uint32_t value = byte;
+        for (int bit = 0; bit < 8; ++bit) value = value >> 1 ^ ((value & 1) != 0 ? kReflectedPolynomial : 0);
+        table[byte] = value;
+    }
+    return table;
+}
 
 namespace fs = std::filesystem;
 
@@ -78,6 +90,13 @@ std::string host_name() {
 }
 
 }  // namespace
+
+std::uint32_t crc32c(std::string_view bytes) {
+    static constexpr std::array<std::uint32_t, 256> kTable = make_table();
+    std::uint32_t crc = ~0u;
+    for (const char c : bytes) crc = crc >> 8 ^ kTable[(crc ^ std::uint8_t(c)) & 255];
+    return ~crc;
+}
 
 EventFile::EventFile(const fs::path& folder) : folder_(folder) {
     std::error_code ignored;

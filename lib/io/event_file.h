@@ -5,11 +5,16 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "lib/io/image.h"
 
 namespace gs {
+
+/// Returns the CRC-32C of the bytes: polynomial 0x1EDC6F41, reflected, begun with and inverted by all ones, as RFC 3720
+/// (appendix B.4) has it with test vectors.
+std::uint32_t crc32c(std::string_view bytes);
 
 /// A new event file that grows record by record, readable while it does.
 class EventFile {

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes the Gaussians with which a training run begins.
+// Makes the Gaussians with which a training run begins: from points, or from a trained model.
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <optional>
 
 #include "kernels/state/gaussian_state.h"
 #include "lib/core/train_options.h"
@@ -43,5 +45,21 @@ std::vector<Eigen::Vector3d> sampled_cameras(const Scene& scene);
 /// Returns the mean squared distance of each point to its 3 nearest others (fewer where there are fewer; 0 for a single
 /// point). Exact; points at the same place have distance 0.
 std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vector3f>& points);
+
+/// A model as its file has it.
+struct InitialModel {
+    std::filesystem::path file;
+    Gaussians gaussians;
+    std::optional<Frame> frame = {};  ///< the frame that they are in; empty: scene coordinates
+};
+
+/// Reads a .ply file (of gsapp, or of any program that writes 3DGS's), or the last point cloud in a run folder. Throws
+/// DataError for a file that cannot be read or has no Gaussians, and UsageError for what is neither file nor folder.
+InitialModel read_initial_model(const std::filesystem::path& from);
+
+/// Returns the Gaussians in the frame of `scene` and with `appearance`, without moments. Where the file has the same
+/// appearance model, its residuals stay; of plain spherical harmonics the bands that both have. Otherwise the base
+/// takes the mean of the colours that sampled training cameras see, and residuals begin as those that show nothing.
+Gaussians start_from(InitialModel model, const Scene& scene, const AppearanceSpec& appearance, std::uint64_t seed);
 
 }  // namespace gs

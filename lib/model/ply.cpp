@@ -24,8 +24,8 @@
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/model/limit_values.h"
 #include "lib/model/model_file.h"
+#include "lib/model/whole_model.h"
 #include "lib/scene/frame.h"
 
 namespace gs {

@@ -27,7 +27,7 @@ struct PlyOptions {
 /// base colour) and app_<model>_<k> (residual parameters of other models; f_rest is then absent). Positions and scales
 /// are those of the scene; where floats are too coarse for its place, x y z lack the offset that a comment states
 /// (file_offset), and another comment states the frame. Errors: NumericError
-/// naming row and property for a value without meaning (limit_values.h); DataError when the write fails.
+/// naming row and property for a value without meaning (whole_model.h); DataError when the write fails.
 void write_ply(const std::filesystem::path& path, const Gaussians& gaussians, const PlyOptions& options);
 
 /// Returns the bytes of one Gaussian in a file of write_ply.
@@ -37,7 +37,7 @@ std::int64_t ply_bytes_per_gaussian(const AppearanceSpec& appearance);
 /// gsapp comment are read as plain_sh_appearance of the degree that the number of f_rest says, all degrees active.
 /// The Gaussians of a gsapp file are in the frame that they were trained in, which `*frame` becomes; those of other
 /// files are as the file has them, and `*frame` becomes empty.
-/// Gaussians with a value that has no meaning (limit_values.h), or with a rotation of zero, are left out, which a
+/// Gaussians with a value that has no meaning (whole_model.h), or with a rotation of zero, are left out, which a
 /// warning counts. Rotations may have any length.
 /// Errors: DataError naming file, property and row for missing properties, an f_rest count other than 0, 9, 24, 45, a
 /// file shorter than its header says (found before memory is allocated), and one of which no Gaussian is left; for a

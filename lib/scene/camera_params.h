@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Converts a scene's camera to the form that the kernels take.
+// Converts a scene's camera to the form that the kernels take, and says what it has of a point.
 #pragma once
+
+#include <Eigen/Core>
 
 #include "kernels/splat/camera.h"
 #include "lib/scene/scene.h"
@@ -18,6 +20,23 @@ template <class T = float> CameraParams<T> camera_params(const Camera& c) {
     p.fx = T(c.fx), p.fy = T(c.fy), p.cx = T(c.cx), p.cy = T(c.cy);
     p.width = c.width, p.height = c.height;
     return p;
+}
+
+/// What a camera has of a point, from worst to best.
+enum class Seen {
+    kNot,      ///< outside the image or behind the camera
+    kClipped,  ///< in the image, but before the near or behind the far plane
+    kDrawn,
+};
+
+/// Returns what the rasterizer makes of a Gaussian's centre at `point`, in the camera's units.
+inline Seen seen(const Camera& camera, const Eigen::Vector3d& point) {
+    const CameraParams<double> planes{};
+    const Eigen::Vector3d p = camera.rotation * point + camera.translation;
+    if (!(p.z() > 0)) return Seen::kNot;
+    const double x = camera.fx * p.x() / p.z() + camera.cx, y = camera.fy * p.y() / p.z() + camera.cy;
+    if (!(x >= 0 && y >= 0 && x < camera.width && y < camera.height)) return Seen::kNot;
+    return p.z() >= planes.near_plane && p.z() <= planes.far_plane ? Seen::kDrawn : Seen::kClipped;
 }
 
 }  // namespace gs

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses frames and moves cameras between a scene and its frame.
+// Solves for the point nearest to all optical axes, chooses frames, and moves cameras between a scene and its frame.
 #include "lib/scene/frame.h"
 
 #include <fmt/format.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -56,6 +56,26 @@ Eigen::Vector3d mean_within(const std::vector<Eigen::Vector3d>& points, const Ei
 }
 
 }  // namespace
+
+Eigen::Vector3d common_target(const std::vector<View>& views) {
+    Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero(), mean = b;
+    for (const View& view : views) mean += view.camera.center() / double(views.size());
+    for (const View& view : views) {
+        const Eigen::Vector3d axis = view.camera.rotation.row(2);
+        const Eigen::Matrix3d off_axis =
+            Eigen::Matrix3d::Identity() - axis * axis.transpose() + 1e-6 * Eigen::Matrix3d::Identity();
+        a += off_axis;
+        b += off_axis * (view.camera.center() - mean);  // relative, so that map coordinates lose nothing
+    }
+    return mean + Eigen::Vector3d(a.ldlt().solve(b));
+}
+
+Eigen::Vector3d mean_axis(const std::vector<View>& views) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const View& view : views) mean += view.camera.rotation.row(2).transpose() / double(views.size());
+    return mean;
+}
 
 Frame choose_frame(const std::vector<Eigen::Vector3d>& camera_centers, const std::vector<Eigen::Vector3d>& points) {
     Frame frame;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The frame of a scene: the similarity that brings its coordinates to the size and place for which near plane, noise,
-// regularisers and 32-bit floats are made (docs/math/optimization.md#frame).
+// Where cameras look, and the frame of a scene: the similarity that brings its coordinates to the size and place for
+// which near plane, noise, regularisers and 32-bit floats are made (docs/math/optimization.md#frame).
 #pragma once
 
 #include <Eigen/Core>
@@ -13,6 +13,13 @@
 #include "lib/scene/scene.h"
 
 namespace gs {
+
+/// Returns the point nearest to all optical axes in the least-squares sense, in the units of the cameras. A small pull
+/// towards the cameras' mean decides where all look in one direction and the axes never meet.
+Eigen::Vector3d common_target(const std::vector<View>& views);
+
+/// Returns the mean of the cameras' unit axes. Its length is 1 where all look the same way, and 0 without a view.
+Eigen::Vector3d mean_axis(const std::vector<View>& views);
 
 /// Chooses the frame of a scene from its camera centres and points, both in scene units; either may be empty. The size
 /// of a scene is 1.1 times the distance from the cameras' middle that nine tenths of them do not exceed, but at least a

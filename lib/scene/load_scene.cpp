@@ -11,14 +11,12 @@
 #include "lib/core/log.h"
 #include "lib/core/median.h"
 #include "lib/scene/colmap_reader.h"
-#include "lib/scene/common_target.h"
 #include "lib/scene/exif.h"
 #include "lib/scene/frame.h"
 #include "lib/scene/image_files.h"
 #include "lib/scene/procedural.h"
 #include "lib/scene/source_scene.h"
 #include "lib/scene/split.h"
-#include "lib/scene/undistort.h"
 #include "lib/scene/view_builder.h"
 
 namespace gs {

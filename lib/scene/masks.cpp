@@ -9,7 +9,7 @@
 
 #include "lib/core/input_file.h"
 #include "lib/core/utf8.h"
-#include "lib/io/orientation.h"
+#include "lib/io/image.h"
 
 namespace gs {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "lib/scene/colmap_program.h"
 #include "lib/scene/prepare.h"
+#include "lib/scene/programs.h"
 
 namespace gs {
 

@@ -1,14 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-// What lies in a folder of photographs, and its upright copy.
+// What lies in a folder of photographs, its upright copy, and the sharpest frames of a video, which the `ffmpeg`
+// program takes.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "lib/io/image.h"
+#include "lib/scene/programs.h"
+
 namespace gs {
+
+/// Returns the variance of the Laplacian of the image's luma: the larger, the sharper the picture of one and the same
+/// thing. 0 for an image without inner pixels.
+double sharpness(const Image& image);
+
+/// Takes `fps` frames a second: of five candidates in each interval the sharpest, because a hand-held camera blurs
+/// some. Writes them to `folder`, which is made, as frame_00000.jpg and so on, upright. `progress` is called with
+/// candidates done and expected (0 if not known). Throws UsageError when ffmpeg is not installed, DataError for a video
+/// that it cannot read or that gives fewer than two frames, Interrupted.
+void extract_frames(const std::filesystem::path& video, double fps, const std::filesystem::path& folder,
+                    ProgramLog& log, const std::function<void(std::int64_t done, std::int64_t total)>& progress);
 
 /// The files of a folder of photographs, by path relative to it.
 struct Photographs {

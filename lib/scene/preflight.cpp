@@ -9,9 +9,9 @@
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
 #include "kernels/splat/camera.h"
-#include "lib/io/orientation.h"
+#include "lib/io/image.h"
+#include "lib/scene/camera_params.h"
 #include "lib/scene/image_files.h"
-#include "lib/scene/seen.h"
 #include "lib/scene/source_scene.h"
 
 namespace gs {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs colmap's four stages, for a video after the choice of its frames.
+// Runs colmap's four stages, for a video after the choice of its frames, and says what came of the photographs.
 #include "lib/scene/prepare.h"
 
 #include <fmt/format.h>
@@ -14,13 +14,11 @@
 #include "lib/core/log.h"
 #include "lib/core/process.h"
 #include "lib/io/temporary.h"
-#include "lib/scene/colmap_program.h"
 #include "lib/scene/colmap_reader.h"
 #include "lib/scene/matching.h"
 #include "lib/scene/photographs.h"
 #include "lib/scene/prepared_folder.h"
-#include "lib/scene/program_log.h"
-#include "lib/scene/video_frames.h"
+#include "lib/scene/programs.h"
 
 namespace gs {
 namespace {
@@ -254,6 +252,13 @@ class Preparation {
     bool turns_ = false, use_gpu_ = false;
 };
 
+/// Returns "12,345" for 12345.
+std::string grouped(std::size_t n) {
+    std::string digits = std::to_string(n);
+    for (std::size_t i = digits.size(); i > 3; i -= 3) digits.insert(i - 3, ",");
+    return digits;
+}
+
 }  // namespace
 
 PrepareReport prepare_scene(const PrepareOptions& options, const PrepareProgress& progress) {
@@ -276,5 +281,28 @@ PrepareReport prepare_scene(const PrepareOptions& options, const PrepareProgress
         throw DataError(e.what() + (log.has_runs() ? keep_failed_log(log.path(), target) : ""));
     }
 }
+
+std::vector<std::string> describe(const PrepareReport& report) {
+    constexpr std::size_t kShown = 10;
+    const char* what = report.is_video ? "frames" : "photographs";
+    std::vector<std::string> lines = {fmt::format("{} of {} {} registered, {} points", report.registered,
+                                                  report.photographs, what, grouped(report.points))};
+    if (report.error) lines[0] += fmt::format(", mean reprojection error {:.2g} px", *report.error);
+    if (const auto& names = report.left_out; !names.empty()) {
+        const std::vector<std::string> shown(names.begin(),
+                                             names.begin() + std::ptrdiff_t(std::min(names.size(), kShown)));
+        lines.push_back(fmt::format("left out: {}", fmt::join(shown, ", ")));
+        if (names.size() > kShown) lines.back() += fmt::format(" and {} more", names.size() - kShown);
+    }
+    if (!report.other_models.empty())
+        lines.push_back(
+            fmt::format("colmap made {} reconstructions that do not connect: the largest is the scene; the others hold "
+                        "{} {}",
+                        report.other_models.size() + 1, fmt::join(report.other_models, ", "), what));
+    lines.insert(lines.end(), report.notes.begin(), report.notes.end());
+    return lines;
+}
+
+bool is_poor(const PrepareReport& report) { return report.registered * 10 < report.photographs * 9; }
 
 }  // namespace gs

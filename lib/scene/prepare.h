@@ -38,7 +38,7 @@ struct PrepareReport {
 using PrepareProgress = std::function<void(int stage, int stages, const std::string& name, const std::string& count)>;
 
 /// Runs colmap's feature extraction, matching, mapper and undistortion; colmap 3.8 to 4.x have the options. From a
-/// video ffmpeg takes the frames first (lib/scene/video_frames.h). Photographs with an EXIF orientation are turned
+/// video ffmpeg takes the frames first (lib/scene/photographs.h). Photographs with an EXIF orientation are turned
 /// upright first, in copies, because colmap ignores the tag; unless upright and level ones would then no longer have
 /// one size and share one camera. Works in a temporary folder beside the target, which gets its name only when it is
 /// complete. Uses the reconstruction with most images. All that the programs print is kept in the scene folder: in

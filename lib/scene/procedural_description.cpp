@@ -1,23 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads a procedural scene's description from YAML and makes single views of it.
+// Reads a procedural scene's description strictly from YAML and makes single views of it.
 #include "lib/scene/procedural_description.h"
 
 #include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
 
+#include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <set>
 #include <sstream>
 
 #include "kernels/base/error.h"
 #include "kernels/base/rng.h"
 #include "lib/core/input_file.h"
+#include "lib/core/nearest.h"
 #include "lib/core/yaml_text.h"
-#include "lib/scene/procedural_yaml.h"
 
 namespace gs::procedural {
 namespace {
+
+template <class T> void check_range(T value, T low, T high, const std::string& where) {
+    if (!(value >= low && value <= high))
+        throw UsageError(fmt::format("{}: {} is outside [{}, {}]", where, value, low, high));
+}
 
 using Eigen::Vector3d;
 
@@ -27,6 +35,86 @@ constexpr double kFar = 1e6;
 constexpr double kGoldenTurn = 0.6180339887498949;  ///< golden ratio - 1: spreads directions evenly for any count
 /// The limit of colours: lights may be brighter than white, but a mistyped digit is caught.
 constexpr double kMaxColor = 10;
+
+/// A YAML mapping that is read strictly: values are checked as they are read, and unknown keys are errors.
+class YamlSection {
+  public:
+    /// `where` is the section's place in messages, e.g. "builtin:glossy: shapes[2]". Throws UsageError when `node` is
+    /// no mapping or holds a key that is not in `known`.
+    YamlSection(const YAML::Node& node, std::string where, const std::vector<std::string>& known);
+
+    bool has(const std::string& key) const { return node_[key].IsDefined(); }
+    std::string where(const std::string& key) const { return where_ + "." + key; }
+    YAML::Node node(const std::string& key) const { return node_[key]; }
+    /// Returns the elements of a list, none when the key is absent. Throws UsageError when the value is not a list.
+    std::vector<YAML::Node> items(const std::string& key) const;
+
+    // Each `read` leaves `out` unchanged when the key is absent. It throws UsageError for a wrong type or a value
+    // outside [low, high].
+    void read(const std::string& key, std::string& out) const;
+    void read(const std::string& key, double& out, double low, double high) const;
+    void read(const std::string& key, int& out, int low, int high) const;
+    void read(const std::string& key, Eigen::Vector3d& out, double low, double high) const;
+
+  private:
+    template <class T> T convert(const YAML::Node& node, const std::string& key, const char* expected) const;
+
+    YAML::Node node_;
+    std::string where_;
+};
+
+YamlSection::YamlSection(const YAML::Node& node, std::string where, const std::vector<std::string>& known)
+    : node_(node), where_(std::move(where)) {
+    if (!node.IsMap()) throw UsageError(fmt::format("{}: expected a mapping (key: value)", where_));
+    std::set<std::string> keys;
+    for (const auto& entry : node) {
+        const std::string key = entry.first.Scalar();
+        if (!keys.insert(key).second) throw UsageError(fmt::format("{}: key '{}' stands twice", where_, key));
+        if (std::find(known.begin(), known.end(), key) == known.end())
+            throw UsageError(fmt::format("{}: unknown key '{}'{}", where_, key, did_you_mean(key, known)));
+    }
+}
+
+template <class T> T YamlSection::convert(const YAML::Node& node, const std::string& key, const char* expected) const {
+    try {
+        return node.as<T>();
+    } catch (const YAML::Exception&) {
+        throw UsageError(fmt::format("{}: expected {}, found '{}'", where(key), expected, YAML::Dump(node)));
+    }
+}
+
+std::vector<YAML::Node> YamlSection::items(const std::string& key) const {
+    if (!has(key)) return {};
+    if (!node_[key].IsSequence()) throw UsageError(fmt::format("{}: expected a list", where(key)));
+    return {node_[key].begin(), node_[key].end()};
+}
+
+void YamlSection::read(const std::string& key, std::string& out) const {
+    if (has(key)) out = convert<std::string>(node_[key], key, "text");
+}
+
+void YamlSection::read(const std::string& key, double& out, double low, double high) const {
+    if (!has(key)) return;
+    out = convert<double>(node_[key], key, "a number");
+    check_range(out, low, high, where(key));
+}
+
+void YamlSection::read(const std::string& key, int& out, int low, int high) const {
+    if (!has(key)) return;
+    out = convert<int>(node_[key], key, "an integer");
+    check_range(out, low, high, where(key));
+}
+
+void YamlSection::read(const std::string& key, Eigen::Vector3d& out, double low, double high) const {
+    if (!has(key)) return;
+    const auto values = convert<std::vector<double>>(node_[key], key, "a list of three numbers");
+    if (values.size() != 3)
+        throw UsageError(fmt::format("{}: expected three numbers, found {}", where(key), values.size()));
+    for (int k = 0; k < 3; ++k) {
+        check_range(values[k], low, high, where(key));
+        out[k] = values[k];
+    }
+}
 
 const std::vector<std::string> kTopKeys = {"base",       "shapes",  "lights",     "sky",    "ambient",
                                            "background", "cameras", "pixel_grid", "points", "violations"};

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "lib/scene/camera_models.h"
-#include "lib/scene/find_images.h"
+#include "lib/scene/image_files.h"
 #include "lib/scene/masks.h"
 #include "lib/scene/scene.h"
 

@@ -16,7 +16,7 @@
 #include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
 #include "lib/train/sharded_backend.h"
-#include "lib/train/target_image.h"
+#include "lib/train/step_composer.h"
 #include "lib/train/training_views.h"
 
 namespace gs {

@@ -9,9 +9,8 @@
 
 #include "lib/core/train_options.h"
 #include "lib/model/checkpoint.h"
+#include "lib/model/initialize.h"
 #include "lib/model/run_folder.h"
-#include "lib/model/run_lock.h"
-#include "lib/model/start_from.h"
 
 namespace gs {
 

@@ -14,7 +14,7 @@
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "lib/scene/camera_params.h"
-#include "lib/train/time_budget.h"
+#include "lib/train/course.h"
 
 namespace gs {
 namespace {

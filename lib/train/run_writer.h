@@ -11,11 +11,9 @@
 #include "lib/core/train_options.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/run_folder.h"
-#include "lib/model/run_lock.h"
 #include "lib/scene/scene.h"
 #include "lib/train/densification.h"
 #include "lib/train/photometric.h"
-#include "lib/train/tensorboard.h"
 #include "lib/train/train_log.h"
 
 namespace gs {

@@ -6,7 +6,6 @@
 
 #include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
-#include "lib/train/target_image.h"
 
 namespace gs {
 namespace {

@@ -1,13 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes stats/train.jsonl: one JSON object per line, readable while the run goes on.
+// Writes the course of a training: stats/train.jsonl, one JSON object per line, readable while the run goes on, and
+// what TensorBoard shows.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "kernels/requests.h"
+#include "lib/io/event_file.h"
+
 namespace gs {
 
+/// Writes stats/train.jsonl: one JSON object per line, readable while the run goes on.
 class TrainLog {
   public:
     /// Keeps the lines up to `iteration` that an earlier part of the run wrote, and appends after them. `at_end`: the
@@ -35,6 +42,28 @@ class TrainLog {
     std::string waiting_;  ///< lines, the first perhaps without its beginning, that are not yet in the file
     bool warned_ = false;
     std::string photometric_reason_;
+};
+
+/// The event file of one run, or of the part of it that follows a resume. What cannot be written later on is a warning,
+/// once: the training goes on.
+class TensorBoard {
+  public:
+    /// Throws DataError where there can be no event file in `folder`.
+    explicit TensorBoard(const std::filesystem::path& folder) : file_(folder) {}
+
+    /// The run continues after `iteration`: what an earlier file has beyond it no longer counts.
+    void resume(std::int64_t iteration);
+    /// Takes the numbers of a line of stats/train.jsonl, if it has any to show.
+    void add_line(const nlohmann::json& line);
+    /// Adds the learning rates of a step; of a residual with several the highest.
+    void add_rates(std::int64_t iteration, const StepRequest& rates);
+    void add_picture(std::int64_t iteration, const std::string& tag, const Image& picture);
+
+  private:
+    void attempt(const std::function<void()>& write);
+
+    EventFile file_;
+    bool warned_ = false;
 };
 
 }  // namespace gs

@@ -13,7 +13,7 @@
 #include "lib/scene/scene.h"
 #include "lib/train/run_start.h"
 #include "lib/train/target_search.h"
-#include "lib/train/tensorboard.h"
+#include "lib/train/train_log.h"
 
 namespace gs {
 

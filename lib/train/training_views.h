@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Delivers the training views in the order of a run and decodes them ahead of their use.
+// Delivers the training views in the order of a run, which it determines, and decodes them ahead of their use.
 #pragma once
 
 #include <cstdint>
@@ -13,14 +13,28 @@
 #include "lib/scene/image_cache.h"
 #include "lib/scene/scene.h"
 #include "lib/train/step_composer.h"
-#include "lib/train/view_order.h"
 
 namespace gs {
+
+/// A new random permutation of all views in every epoch. It depends only on (seed, iteration), so a resumed run needs
+/// no stored state.
+class ViewOrder {
+  public:
+    ViewOrder(std::size_t num_views, std::uint64_t seed) : num_views_(num_views), seed_(seed) {}
+    std::size_t at(std::int64_t iteration);
+
+  private:
+    std::size_t num_views_;
+    std::uint64_t seed_;
+    std::int64_t epoch_ = -1;
+    std::vector<std::size_t> order_;  ///< permutation of `epoch_`
+};
 
 /// The iterations between log lines, which are also the scans for non-finite parameters: one pass over the model is
 /// then below a hundredth of the work. Steps on several views end there.
 inline constexpr std::int64_t kLogInterval = 100;
 
+/// Delivers the training views in the order of a run and decodes them ahead of their use.
 class TrainingViews {
   public:
     /// Both arguments must outlive the object.

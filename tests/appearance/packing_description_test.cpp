@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // What packing.json may say, and what it says of this program's models.
-#include "appearance/packing_description.h"
+#include "appearance/packing.h"
 
 #include <gtest/gtest.h>
 
-#include "appearance/expression.h"
 #include "appearance/model_info.h"
-#include "appearance/packing.h"
 #include "kernels/base/error.h"
 
 namespace gs {

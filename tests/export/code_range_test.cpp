@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The ranges of codes: a few outliers do not coarsen all others, and what many show is not cut off.
-#include "appearance/code_range.h"
+#include "appearance/packing.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The 24 descriptions of an ellipsoid: all are the same one, and the chosen one comes back from its codes better than
 // the plain one.
-#include "lib/export/ellipsoid_axes.h"
+#include "lib/export/geometry_codes.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "kernels/base/error.h"
-#include "lib/export/file_order.h"
+#include "lib/export/file_rows.h"
 #include "lib/export/pack_scene.h"
 #include "lib/export/packed_model.h"
 #include "tests/io/file_helpers.h"

@@ -8,11 +8,10 @@
 #include "appearance/neural/neural.h"
 #include "kernels/base/error.h"
 #include "kernels/ppisp/ppisp_device.h"
-#include "lib/export/file_order.h"
-#include "lib/export/pack_ppisp.h"
+#include "lib/export/file_rows.h"
 #include "lib/export/pack_scene.h"
 #include "lib/export/packed_model.h"
-#include "lib/model/limit_values.h"
+#include "lib/model/whole_model.h"
 #include "tests/io/file_helpers.h"
 #include "tests/model/model_helpers.h"
 

@@ -7,7 +7,7 @@
 
 #include "appearance/sh_basis.h"
 #include "kernels/base/error.h"
-#include "lib/export/sh_fit.h"
+#include "lib/export/sh_projection.h"
 #include "lib/scene/camera_params.h"
 #include "tests/io/file_helpers.h"
 #include "tests/kernels/backends.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Readers of a run folder's files.
-#include "eval/report/comparison_format.h"
+#include "eval/report/comparison.h"
 #include "eval/report/report.h"
 #include "eval/report/table.h"
 #include "eval/runs/camera_path.h"

@@ -2,9 +2,8 @@
 // NCCL itself: a rank alone, and a rank on each of two GPUs. Skipped where there is no NCCL or too few GPUs.
 #include <latch>
 
+#include "kernels/ranks/communicator.h"
 #include "kernels/ranks/connect_devices.h"
-#include "kernels/ranks/link_speed.h"
-#include "kernels/ranks/nccl_library.h"
 #include "tests/gpu/gpu_test.h"
 #include "tests/kernels/rank_threads.h"
 #include "tests/kernels/rank_views.h"

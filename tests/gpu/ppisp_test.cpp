@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // PPISP and its controllers on the device against the CPU's and against double. Skipped where there is no device.
 #include "kernels/ppisp/ppisp.h"
-#include "kernels/ppisp/controller.h"
 #include "tests/gpu/scenes.h"
 #include "tests/kernels/backends.h"
 

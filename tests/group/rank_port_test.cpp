@@ -13,7 +13,6 @@
 
 #include "kernels/base/clock.h"
 #include "kernels/base/error.h"
-#include "lib/group/roster.h"
 #include "lib/group/secret.h"
 
 namespace gs {

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "kernels/base/error.h"
-#include "lib/group/roster.h"
+#include "lib/group/rank_port.h"
 
 namespace gs {
 namespace {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 
-#include "lib/io/crc32c.h"
 #include "tests/io/file_helpers.h"
 #include "tests/io/limits.h"
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // EXIF orientation: which way pixels are turned, and that copies keep all else.
-#include "lib/io/orientation.h"
-
 #include "kernels/base/error.h"
+#include "lib/io/image.h"
 #include "tests/io/file_helpers.h"
 #include "tests/io/tagged_image.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The controller against its definition layer by layer, and its gradient against finite differences.
-#include "kernels/ppisp/controller.h"
+#include "kernels/ppisp/ppisp.h"
 
 #include <gtest/gtest.h>
 

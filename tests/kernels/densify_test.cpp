@@ -8,7 +8,7 @@
 #include "kernels/base/error.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/mcmc_device.h"
-#include "kernels/optimizer/sgld_noise_device.h"
+#include "kernels/optimizer/update_device.h"
 
 namespace gs {
 namespace {

@@ -12,7 +12,6 @@
 #include "kernels/base/clock.h"
 #include "kernels/base/error.h"
 #include "kernels/ranks/connect_devices.h"
-#include "kernels/ranks/nccl_library.h"
 #include "tests/kernels/fake_device_stream.h"
 #include "tests/kernels/rank_threads.h"
 

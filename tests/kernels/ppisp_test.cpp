@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // PPISP: gradients by finite differences, the identity, regularisers from their definition, extremes.
-#include "kernels/ppisp/regularizer_device.h"
+#include "kernels/ppisp/ppisp_device.h"
 
 #include <gtest/gtest.h>
 

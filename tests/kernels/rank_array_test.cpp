@@ -4,7 +4,7 @@
 
 #include <numeric>
 
-#include "kernels/ranks/link_speed.h"
+#include "kernels/ranks/communicator.h"
 #include "tests/kernels/fake_device_stream.h"
 #include "tests/kernels/rank_threads.h"
 

@@ -7,7 +7,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/base/error.h"
-#include "kernels/ranks/messages.h"
+#include "kernels/ranks/message.h"
 #include "tests/kernels/backends.h"
 #include "tests/kernels/rank_threads.h"
 #include "tests/kernels/rank_views.h"

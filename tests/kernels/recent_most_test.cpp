@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "kernels/backends/recent_most.h"
+#include "kernels/backends/instance_forecast.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,6 @@
 
 #include "kernels/base/parallel.h"
 #include "kernels/densify/densify.h"
-#include "kernels/densify/score_rule.h"
 #include "tests/kernels/backends.h"
 #include "tests/kernels/lowest_scores.h"
 #include "tests/kernels/random_scene.h"

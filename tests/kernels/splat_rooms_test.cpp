@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "kernels/ranks/splat_rooms.h"
+#include "kernels/ranks/shard.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // One run at a time in a folder, and none in a folder that is gone.
-#include "lib/model/run_lock.h"
+#include "lib/model/run_folder.h"
 
 #include <sys/wait.h>
 #include <unistd.h>

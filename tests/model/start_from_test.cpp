@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A trained model as the beginning of another training: places, colours and residuals that stay, and what is refused.
-#include "lib/model/start_from.h"
-
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
 #include "kernels/base/error.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/model/bring_into_frame.h"
+#include "lib/model/initialize.h"
 #include "lib/model/ply.h"
+#include "lib/model/whole_model.h"
 #include "tests/io/file_helpers.h"
 #include "tests/model/model_helpers.h"
 

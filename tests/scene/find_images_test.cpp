@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files that are there are found, however the dataset spells them, and no file is taken for two images.
-#include "lib/scene/find_images.h"
+#include "lib/scene/image_files.h"
 
 #include <gtest/gtest.h>
 
-#include "lib/scene/image_files.h"
 #include "tests/scene/scene_fixture.h"
 
 namespace gs {

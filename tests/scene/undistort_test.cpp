@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Undistortion: size rule, remapping against an analytic image, masks, lenses that cannot be undistorted.
-#include "lib/scene/undistort.h"
+#include "lib/scene/view_builder.h"
 
 #include <cmath>
 

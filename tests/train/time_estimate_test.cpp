@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "lib/train/time_estimate.h"
+#include "lib/train/run_costs.h"
 
 #include <gtest/gtest.h>
 

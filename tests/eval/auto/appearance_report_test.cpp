@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The words and the JSON of made-up measurements.
-#include "eval/auto/appearance_report.h"
+#include "eval/auto/appearance_choice.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,6 @@
 #include <set>
 
 #include "eval/bench/bench_cases.h"
-#include "eval/bench/generated_set.h"
 #include "eval/metrics/quantize.h"
 #include "kernels/base/parallel.h"
 #include "lib/core/json_text.h"

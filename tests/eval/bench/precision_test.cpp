@@ -6,8 +6,7 @@
 #include <cmath>
 #include <set>
 
-#include "eval/bench/precision_levels.h"
-#include "eval/runs/training_options.h"
+#include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "kernels/reference_image.h"
 #include "lib/core/options.h"

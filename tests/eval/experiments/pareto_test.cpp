@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "eval/experiments/pareto.h"
+#include "eval/experiments/tradeoff.h"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/experiments/estimate.h"
 #include "lib/core/options.h"
 #include "lib/scene/procedural.h"
 

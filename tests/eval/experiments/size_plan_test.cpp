@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of limited size: what is planned against what is written.
-#include "eval/experiments/size_plan.h"
+#include "eval/experiments/plan.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A suite whose cells nobody trains: what is written, and when.
-#include "eval/experiments/suite_run.h"
+#include "eval/experiments/suite.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "eval/experiments/time_plan.h"
+#include "eval/experiments/tradeoff_search.h"
 
 #include <gtest/gtest.h>
 

@@ -8,7 +8,7 @@
 #include <functional>
 #include <set>
 
-#include "eval/experiments/tradeoff_rounds.h"
+#include "eval/experiments/tradeoff_plan.h"
 #include "kernels/base/error.h"
 
 namespace gs {

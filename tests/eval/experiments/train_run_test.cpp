@@ -7,7 +7,6 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "eval/experiments/target_views.h"
 #include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/model/checkpoint.h"

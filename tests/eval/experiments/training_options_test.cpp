@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Options that runs of one experiment may differ in change no bit of what is trained; all others tell runs apart.
-#include "eval/runs/training_options.h"
+#include "eval/runs/run_scene.h"
 
 #include <gtest/gtest.h>
 

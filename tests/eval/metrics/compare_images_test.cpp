@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two image files, and made-up scores as text and JSON.
-#include "eval/metrics/compare_images.h"
+#include "eval/metrics/metrics.h"
 
 #include <gtest/gtest.h>
 

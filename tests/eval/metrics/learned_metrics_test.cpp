@@ -8,10 +8,8 @@
 #include <functional>
 #include <limits>
 
-#include "eval/metrics/dists.h"
-#include "eval/metrics/lpips.h"
+#include "eval/metrics/learned_metrics.h"
 #include "eval/metrics/metrics.h"
-#include "eval/metrics/milo.h"
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
 #include "kernels/cuda/cuda_device.h"

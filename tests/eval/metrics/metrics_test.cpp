@@ -6,9 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "eval/metrics/psnr.h"
+#include "eval/metrics/pixel_metrics.h"
 #include "eval/metrics/quantize.h"
-#include "eval/metrics/ssim.h"
 #include "kernels/base/error.h"
 #include "kernels/base/rng.h"
 

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/pages/escape.h"
-#include "eval/report/comparison_format.h"
+#include "eval/report/comparison.h"
 #include "eval/runs/protocol.h"
 #include "kernels/base/error.h"
 #include "lib/core/json_text.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The colours that show who has a residual.
-#include "eval/runs/appearance_colors.h"
+#include "eval/runs/false_colors.h"
 
 #include <gtest/gtest.h>
 

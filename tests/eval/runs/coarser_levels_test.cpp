@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Levels of a run, and what a page is told of them.
-#include "eval/runs/coarser_levels.h"
+#include "lib/export/coarser.h"
 
 #include <gtest/gtest.h>
 

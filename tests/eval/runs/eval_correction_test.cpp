@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // How views are corrected when they are scored: what the renderer is asked for, colour fits, and what the results say.
-#include "eval/runs/eval_correction.h"
+#include "eval/runs/evaluate.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "eval/metrics/colour_fit.h"
-#include "eval/report/comparison_format.h"
+#include "eval/metrics/quantize.h"
+#include "eval/report/comparison.h"
 #include "eval/runs/decompose.h"
 #include "eval/runs/results.h"
 #include "eval/runs/saved_run.h"

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include "eval/runs/bench_subject.h"
-#include "eval/runs/run_frame_times.h"
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "eval/metrics/psnr.h"
+#include "eval/metrics/pixel_metrics.h"
 #include "eval/runs/evaluate.h"
 #include "kernels/base/error.h"
 #include "tests/eval/support/fake_engine.h"

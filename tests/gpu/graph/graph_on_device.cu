@@ -2,7 +2,7 @@
 #include "tests/gpu/graph/graph_on_device.h"
 
 #include "kernels/cuda/device_memory.h"
-#include "kernels/cuda/launch_graph.h"
+#include "kernels/cuda/device_stream_cuda.h"
 
 namespace gs::test {
 namespace {

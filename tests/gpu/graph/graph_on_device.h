@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// kernels/cuda/launch_graph.h for host code.
+// kernels/cuda/device_stream_cuda.h for host code.
 #pragma once
 
 #include <functional>

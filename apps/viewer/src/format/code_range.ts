@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The ranges that the codes of a scene cover: outliers are cut off where that shows less error than coarse steps for
-// all Gaussians. The choice is that of lib/export/base_range.cpp and appearance/sh/packing.cpp, over a sample of the
+// all Gaussians. The choice is that of lib/export/geometry_codes.cpp and appearance/sh/packing.cpp, over a sample of the
 // Gaussians.
 
 import { BASE, OPACITY, REST } from './gaussian_source';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Arithmetic in text: what a model's packing.json says about sizes. The grammar is that of appearance/expression.h.
+// Arithmetic in text: what a model's packing.json says about sizes. The grammar is that of appearance/packing.h.
 
 export type Values = Readonly<Record<string, number>>;
 

@@ -14,7 +14,7 @@ const MOST_PIXELS = 65535;
 /** What rounding may leave of the lengths of a camera's axes, and of the angles between them. */
 const AXES_TOLERANCE = 1e-2;
 
-/** Into how many classes of importance gsapp divides a model (lib/export/file_order.h). */
+/** Into how many classes of importance gsapp divides a model (lib/export/file_rows.h). */
 export const IMPORTANCE_CLASSES = 16;
 /** Texels in a row. */
 export const TEXTURE_WIDTH = 2048;
