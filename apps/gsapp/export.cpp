@@ -11,8 +11,8 @@
 
 #include "apps/gsapp/arguments.h"
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/export/export_run.h"
 #include "apps/gsapp/printing.h"
-#include "eval/runs/export_run.h"
 #include "kernels/base/error.h"
 
 namespace gs {

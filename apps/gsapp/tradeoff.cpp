@@ -9,8 +9,8 @@
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/printing.h"
+#include "apps/gsapp/train/train_run.h"
 #include "eval/experiments/tradeoff_search.h"
-#include "eval/experiments/train_run.h"
 #include "lib/core/duration.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"

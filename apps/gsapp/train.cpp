@@ -8,8 +8,8 @@
 #include <optional>
 
 #include "apps/gsapp/command.h"
-#include "eval/experiments/seeds.h"
-#include "eval/experiments/train_run.h"
+#include "apps/gsapp/train/seeds.h"
+#include "apps/gsapp/train/train_run.h"
 #include "eval/report/comparison.h"
 #include "kernels/base/error.h"
 #include "lib/core/options_cli.h"

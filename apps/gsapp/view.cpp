@@ -8,8 +8,8 @@
 #include <optional>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/live/saved_page.h"
 #include "apps/gsapp/printing.h"
-#include "eval/live/saved_page.h"
 #include "eval/runs/saved_run.h"
 #include "kernels/base/error.h"
 #include "lib/core/interrupt.h"

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Readers of a run folder's files.
+#include "apps/gsapp/render/camera_path.h"
 #include "eval/report/comparison.h"
 #include "eval/report/report.h"
 #include "eval/report/table.h"
-#include "eval/runs/camera_path.h"
 #include "eval/runs/results.h"
 #include "eval/runs/saved_run.h"
 #include "lib/core/options.h"

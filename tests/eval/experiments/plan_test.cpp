@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The plan of a run with constraints: its words, its estimates, and what came of it.
-#include "eval/experiments/plan.h"
+#include "apps/gsapp/train/plan.h"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs with several seeds: which are trained, and in which folders; and the folder of a run that names none.
-#include "eval/experiments/seeds.h"
+#include "apps/gsapp/train/seeds.h"
 
 #include <gtest/gtest.h>
 
-#include "eval/experiments/train_run.h"
+#include "apps/gsapp/train/train_run.h"
 #include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "tests/core/temporary_folder.h"

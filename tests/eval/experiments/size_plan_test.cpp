@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of limited size: what is planned against what is written.
-#include "eval/experiments/plan.h"
+#include "apps/gsapp/train/plan.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two iterations of a small scene, with and without evaluation.
-#include "eval/experiments/train_run.h"
+#include "apps/gsapp/train/train_run.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <functional>
 #include <iterator>
 
-#include "eval/experiments/train_run.h"
+#include "apps/gsapp/train/train_run.h"
 #include "eval/report/table.h"
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The curves of a training, read while its log grows, and how often a training stops for those who watch.
-#include "eval/live/live_page.h"
+#include "apps/gsapp/live/live_page.h"
 
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <numeric>
 
-#include "eval/live/live_training.h"
+#include "apps/gsapp/live/live_training.h"
 #include "tests/core/temporary_folder.h"
 
 namespace gs {

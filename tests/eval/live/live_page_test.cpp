@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a page that watches a model is told, and who may press its buttons.
-#include "eval/live/live_page.h"
+#include "apps/gsapp/live/live_page.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A training under the eyes of a page: the same as without, and it does what the page asks for.
-#include "eval/live/live_training.h"
+#include "apps/gsapp/live/live_training.h"
 
 #include <gtest/gtest.h>
 

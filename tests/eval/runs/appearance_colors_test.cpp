@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The colours that show who has a residual.
-#include "eval/runs/false_colors.h"
+#include "apps/gsapp/render/false_colors.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Camera paths: a round trip through cameras.json, the same cameras as nerfstudio writes them, and mistakes in such
 // files.
-#include "eval/runs/camera_path.h"
+#include "apps/gsapp/render/camera_path.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

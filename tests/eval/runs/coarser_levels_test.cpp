@@ -8,7 +8,7 @@
 #include <cmath>
 #include <random>
 
-#include "eval/runs/export_run.h"
+#include "apps/gsapp/export/export_run.h"
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Depths as colours, and the range that they share.
-#include "eval/runs/false_colors.h"
+#include "apps/gsapp/render/false_colors.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Exports of a run with one Gaussian.
-#include "eval/runs/export_run.h"
+#include "apps/gsapp/export/export_run.h"
 
 #include <gtest/gtest.h>
 

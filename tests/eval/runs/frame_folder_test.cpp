@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A folder of frames holds those of one call.
-#include "eval/runs/frame_folder.h"
+#include "apps/gsapp/render/frame_folder.h"
 
 #include <gtest/gtest.h>
 

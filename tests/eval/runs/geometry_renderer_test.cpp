@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Depths and normals of models whose surfaces are known.
-#include "eval/runs/geometry_renderer.h"
+#include "apps/gsapp/render/geometry_renderer.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Orbits: what the training cameras decide, and what the user does.
-#include "eval/runs/orbit.h"
+#include "apps/gsapp/render/orbit.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sizes of pictures, and what a camera sees in another size.
-#include "eval/runs/camera_path.h"
+#include "apps/gsapp/render/camera_path.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which views are rendered, and where their pictures go.
-#include "eval/runs/render_views.h"
+#include "apps/gsapp/render/render_views.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Answers the requests of a page that watches a model, packs the model for it, and reads the log that another thread or
 // program is writing.
-#include "eval/live/live_page.h"
+#include "apps/gsapp/live/live_page.h"
 
 #include <fmt/format.h>
 #include <sys/stat.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Takes the size of a file apart, reads curves through measured losses, and puts a plan into words.
-#include "eval/experiments/plan.h"
+#include "apps/gsapp/train/plan.h"
 
 #include <fmt/format.h>
 

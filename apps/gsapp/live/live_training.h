@@ -7,8 +7,8 @@
 #include <memory>
 #include <optional>
 
+#include "apps/gsapp/live/live_page.h"
 #include "eval/auto/photograph.h"
-#include "eval/live/live_page.h"
 #include "lib/core/train_options.h"
 #include "lib/io/temporary.h"
 #include "lib/train/trainer.h"

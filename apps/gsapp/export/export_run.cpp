@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packs a run for the web viewer and scores what that loses, or converts it for other programs.
-#include "eval/runs/export_run.h"
+#include "apps/gsapp/export/export_run.h"
 
 #include <fmt/format.h>
 
@@ -10,13 +10,13 @@
 #include <nlohmann/json.hpp>
 
 #include "appearance/model_info.h"
+#include "apps/gsapp/export/site_page.h"
+#include "apps/gsapp/render/camera_path.h"
+#include "apps/gsapp/render/orbit.h"
 #include "eval/metrics/quantize.h"
-#include "eval/runs/camera_path.h"
 #include "eval/runs/decompose.h"
 #include "eval/runs/evaluate.h"
-#include "eval/runs/orbit.h"
 #include "eval/runs/shown_views.h"
-#include "eval/runs/site_page.h"
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Turns depths and normals into colours that are blended without loss, and back.
-#include "eval/runs/geometry_renderer.h"
+#include "apps/gsapp/render/geometry_renderer.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

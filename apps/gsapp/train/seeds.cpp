@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gives each run its seed and its folder.
-#include "eval/experiments/seeds.h"
+#include "apps/gsapp/train/seeds.h"
 
 #include <fmt/format.h>
 
+#include "apps/gsapp/train/train_run.h"
 #include "eval/experiments/cell.h"
-#include "eval/experiments/train_run.h"
 #include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/core/log.h"

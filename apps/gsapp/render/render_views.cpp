@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Renders views of an open run into files.
-#include "eval/runs/render_views.h"
+#include "apps/gsapp/render/render_views.h"
 
 #include <fmt/format.h>
 
+#include "apps/gsapp/render/false_colors.h"
+#include "apps/gsapp/render/frame_folder.h"
+#include "apps/gsapp/render/geometry_renderer.h"
 #include "eval/metrics/quantize.h"
 #include "eval/runs/decompose.h"
-#include "eval/runs/false_colors.h"
-#include "eval/runs/frame_folder.h"
-#include "eval/runs/geometry_renderer.h"
 #include "eval/runs/render_queue.h"
 #include "kernels/base/error.h"
 #include "lib/core/interrupt.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "eval/live/live_page.h"
+#include "apps/gsapp/live/live_page.h"
 #include "lib/io/temporary.h"
 
 namespace gs {

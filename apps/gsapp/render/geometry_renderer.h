@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "eval/runs/false_colors.h"
+#include "apps/gsapp/render/false_colors.h"
 #include "eval/runs/saved_run.h"
 
 namespace gs {

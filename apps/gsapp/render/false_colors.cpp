@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Finds the range of depths and colours them, and colours Gaussians by their residuals.
-#include "eval/runs/false_colors.h"
+#include "apps/gsapp/render/false_colors.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Feeds the page of a training between its iterations.
-#include "eval/live/live_training.h"
+#include "apps/gsapp/live/live_training.h"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Finds the first view of a page and writes its head.
-#include "eval/runs/site_page.h"
+#include "apps/gsapp/export/site_page.h"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Finds frames by their names and moves new ones into place, and calls ffmpeg on a folder of pictures.
-#include "eval/runs/frame_folder.h"
+#include "apps/gsapp/render/frame_folder.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

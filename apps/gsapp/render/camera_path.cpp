@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Checks sizes of pictures, and reads camera paths from JSON. What a file may say is checked by name, because people
 // write such files by hand.
-#include "eval/runs/camera_path.h"
+#include "apps/gsapp/render/camera_path.h"
 
 #include <fmt/format.h>
 

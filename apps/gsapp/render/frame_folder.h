@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/runs/false_colors.h"
+#include "apps/gsapp/render/false_colors.h"
 #include "lib/io/temporary.h"
 #include "lib/scene/scene.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packs what a run has saved, each time that there is something newer.
-#include "eval/live/saved_page.h"
+#include "apps/gsapp/live/saved_page.h"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include <system_error>
 #include <thread>
 
-#include "eval/live/live_page.h"
+#include "apps/gsapp/live/live_page.h"
 #include "eval/runs/run_scene.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/shown_views.h"

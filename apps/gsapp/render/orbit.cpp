@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fits orbits to the training cameras.
-#include "eval/runs/orbit.h"
+#include "apps/gsapp/render/orbit.h"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Loads the scene, chooses an appearance if asked, holds views out for a target, trains, scores.
-#include "eval/experiments/train_run.h"
+#include "apps/gsapp/train/train_run.h"
 
 #include <fmt/format.h>
 
@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "appearance/model_info.h"
+#include "apps/gsapp/live/live_training.h"
+#include "apps/gsapp/train/plan.h"
 #include "eval/auto/find_appearance.h"
-#include "eval/experiments/plan.h"
-#include "eval/live/live_training.h"
 #include "eval/report/comparison.h"
 #include "eval/runs/run_scene.h"
 #include "eval/runs/saved_run.h"
