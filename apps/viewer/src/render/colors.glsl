@@ -67,7 +67,7 @@ vec3 base_color(uvec4 g) {
 
 vec3 residual(vec3 direction);
 
-// As in eval/runs/appearance_colors.cpp: one colour from everywhere, and from little to much that depends on the view.
+// As in apps/gsapp/render/false_colors.cpp: one colour from everywhere, and from little to much that depends on the view.
 const vec3 kNoResidual = vec3(0.25), kLeastChange = vec3(0.1, 0.3, 0.9), kMostChange = vec3(1.0, 0.8, 0.1);
 
 // The row of a Gaussian in the payload, -1 for one without. Of each class of importance those with a residual come first.

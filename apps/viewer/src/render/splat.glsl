@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One corner of the quad around one Gaussian: projection as in kernels/preprocess/preprocess_device.h, with its constants. In front of
+// One corner of the quad around one Gaussian: projection as in kernels/preprocess/gaussian_device.h, with its constants. In front of
 // this stand gaussian.glsl and the data of the view.
 
 const float kDilation = GS_DILATION, kMinDeterminant = 1e-6, kMinAlpha = 1.0 / 255.0, kFrustumMargin = 0.15, kFar = 10000.0;
