@@ -274,9 +274,9 @@ TEST(CellClaim, OneAtATimeAndNoFileIsLeft) {
 TEST(CellClaim, ThatIsRenewedIsHeldLongerThanASilentOne) {
     const test::TemporaryFolder tmp;
     const fs::path file = tmp.path() / "a.claim";
-    CellClaims mine(300ms), theirs(300ms);
+    CellClaims mine(1500ms), theirs(1500ms);
     const auto claim = mine.take(file);
-    const auto end = std::chrono::steady_clock::now() + 900ms;
+    const auto end = std::chrono::steady_clock::now() + 2500ms;
     while (std::chrono::steady_clock::now() < end) {
         ASSERT_TRUE(theirs.held(file));
         std::this_thread::sleep_for(20ms);
@@ -304,18 +304,18 @@ TEST(CellClaim, OfAProcessOfThisMachineThatHasEndedIsTakenAtOnce) {
 TEST(CellClaim, OfSeveralThatTakeOverOneWins) {
     const test::TemporaryFolder tmp;
     const fs::path file = tmp.write("a.claim", "another-machine/pid:[1] 77 1.1\n");
-    std::atomic<int> winners{0}, ready{0};
+    std::atomic<int> winners{0}, ready{0}, looked{0};
     std::vector<std::thread> takers;
     for (int k = 0; k < 4; ++k)
         takers.emplace_back([&] {
-            CellClaims claims(200ms);
+            CellClaims claims(1000ms);
             claims.held(file);
-            std::this_thread::sleep_for(250ms);
+            std::this_thread::sleep_for(1100ms);
             ++ready;
             while (ready < 4) std::this_thread::yield();
             const auto claim = claims.take(file);
             winners += claim != nullptr;
-            std::this_thread::sleep_for(700ms);  // until all have looked
+            for (++looked; looked < 4;) std::this_thread::yield();
         });
     for (std::thread& taker : takers) taker.join();
     EXPECT_EQ(winners, 1);
@@ -330,7 +330,7 @@ TEST(CellClaim, ThatAnotherTookIsLostAndLeftAlone) {
         const auto claim = claims.take(file);
         ASSERT_TRUE(claim);
         std::ofstream(file) << other;
-        const auto end = std::chrono::steady_clock::now() + 10s;
+        const auto end = std::chrono::steady_clock::now() + 100s;
         while (!claim->lost() && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(10ms);
         EXPECT_TRUE(claim->lost());
     }
@@ -349,9 +349,10 @@ TEST(CellClaim, WhatItTellsStaysWhenItEnds) {
     const CellNote told = read_note(file);
     EXPECT_EQ(told.text, long_note);
     EXPECT_NE(told, before);
-    std::this_thread::sleep_for(200ms);
-    EXPECT_FALSE(claim->lost());
+    const auto end = std::chrono::steady_clock::now() + 100s;
+    while (read_note(file) == told && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(10ms);
     EXPECT_NE(read_note(file), told) << "renewed while its process is at work";
+    EXPECT_FALSE(claim->lost());
     EXPECT_EQ(read_note(file).text, long_note);
     EXPECT_TRUE(theirs.held(file));
     claim.reset();
