@@ -40,11 +40,12 @@ function(gs_add_library name)
   endif()
 endfunction()
 
-# gs_add_tests(LABEL [SERIAL] [QUICK] [CASES] LINK target...): makes one test program of every *_test.cpp in the current
-# folder. ctest lists its suites under LABEL, or with CASES each case, where these take seconds. SERIAL ones never run
-# beside others; QUICK ones compute little themselves.
+# gs_add_tests(LABEL [SERIAL] [QUICK] [CASES] [SLOW suite...] LINK target...): makes one test program of every *_test.cpp
+# in the current folder. ctest lists its suites under LABEL, or with CASES each case, where these take seconds. SERIAL ones
+# never run beside others; QUICK ones compute little themselves. Suites of the label unit have the label quick, too, but
+# for SLOW ones.
 function(gs_add_tests label)
-  cmake_parse_arguments(ARG "SERIAL;QUICK;CASES" "" "LINK;SOURCES" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL;QUICK;CASES" "" "LINK;SOURCES;SLOW" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*_test.cpp)
   if(NOT sources AND NOT ARG_SOURCES)
     return()
@@ -68,6 +69,7 @@ function(gs_add_tests label)
     "set(name ${name})
 set(program [=[$<TARGET_FILE:${name}>]=])
 set(label ${label})
+set(slow [=[${ARG_SLOW}]=])
 set(serial ${ARG_SERIAL})
 set(list [=[${CMAKE_CURRENT_BINARY_DIR}/${name}_suites.txt]=])
 include([=[${CMAKE_SOURCE_DIR}/cmake/list_suites.cmake]=])

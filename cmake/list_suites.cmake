@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Tells ctest, which includes this, of the suites of a test program: each is one test, in one process. A process for each
-# case would spend most of the time loading libraries. The variables name, program, label and serial are set, and
-# list, the file that keeps what the program listed.
+# case would spend most of the time loading libraries. The variables name, program, label, slow and serial are set,
+# and list, the file that keeps what the program listed.
 if(NOT EXISTS ${program})
   add_test(${name}_NOT_BUILT ${name}_NOT_BUILT)
   return()
@@ -13,5 +13,9 @@ file(STRINGS ${list} suites REGEX "^[^ ]+\\.( |$)") # "Suite." and what of it is
 foreach(suite IN LISTS suites)
   string(REGEX REPLACE "\\..*" "" suite "${suite}")
   add_test(${name}.${suite} ${program} --gtest_filter=${suite}.*)
-  set_tests_properties(${name}.${suite} PROPERTIES LABELS ${label} RUN_SERIAL ${serial} SKIP_RETURN_CODE 77)
+  set(labels ${label})
+  if(label STREQUAL "unit" AND NOT suite IN_LIST slow)
+    list(APPEND labels quick)
+  endif()
+  set_tests_properties(${name}.${suite} PROPERTIES LABELS "${labels}" RUN_SERIAL ${serial} SKIP_RETURN_CODE 77)
 endforeach()

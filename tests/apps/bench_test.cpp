@@ -15,14 +15,24 @@ using test::Program;
 
 constexpr const char* kFew = " --device cpu --repeat 1 --frame-repeat 1 ";
 
+/// A folder with a run of few Gaussians, saved twice.
+class Bench : public testing::Test {
+  protected:
+    void train() const {
+        program.train("run",
+                      "-s builtin:diffuse -r 4 --iterations 2 --save-iterations 1 --init-points 400 "
+                      "--appearance none --eval");
+    }
+    Program program;
+};
+
 void expect_lines(const Outcome& outcome, std::initializer_list<const char*> lines) {
     EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
     for (const char* line : lines)
         EXPECT_NE(outcome.out.find(line), std::string::npos) << line << "is not in\n" << outcome.out;
 }
 
-TEST(Bench, MeasuresGeneratedSetsWithoutAScene) {
-    const Program program;
+TEST_F(Bench, MeasuresGeneratedSetsWithoutAScene) {
     EXPECT_EQ(program.run("bench --generate 0.2k").exit_code, 2) << "a count is a whole number";
     expect_lines(program.run("bench --appearance none --generate 1k" + std::string(kFew)),
                  {"generated set of 0.001 M Gaussians, seed 0", "; 1000 Gaussians;", "| 1280x720, 8 views |",
@@ -39,11 +49,8 @@ nlohmann::json printed_json(const Program& program, const std::string& command) 
     return json;
 }
 
-TEST(Bench, PrintsJsonWhereItIsAskedFor) {
-    const Program program;
-    ASSERT_EQ(program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --appearance none --eval -m run")
-                  .exit_code,
-              0);
+TEST_F(Bench, PrintsJsonWhereItIsAskedFor) {
+    train();
     const auto sets = printed_json(program, "bench --appearance none --generate 1k,2k" + std::string(kFew));
     ASSERT_EQ(sets["results"].size(), 2u);
     EXPECT_EQ(sets["results"][1]["num_gaussians"], 2000);
@@ -59,29 +66,23 @@ TEST(Bench, PrintsJsonWhereItIsAskedFor) {
     EXPECT_EQ(program.run("bench --json frames run").exit_code, 2) << "the option stands before its subcommand";
 }
 
-TEST(Bench, MeasuresTheTrainedModelWhereThereIsOne) {
-    const Program program;
-    ASSERT_EQ(
-        program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --save-iterations 1 -m run").exit_code,
-        0);
+TEST_F(Bench, MeasuresTheTrainedModelWhereThereIsOne) {
+    train();
     expect_lines(program.run("bench -m run --compare-deterministic" + std::string(kFew)),
                  {"builtin:diffuse, run at iteration 2", "| 40x30,", "| 1280x720,", "with --deterministic"});
     expect_lines(program.run("bench -m run --iteration 1" + std::string(kFew)), {"run at iteration 1"});
     EXPECT_EQ(program.run("bench -m run --iteration 7").exit_code, 3);
 }
 
-TEST(Bench, MeasuresInitialPointsElsewhere) {
-    const Program program;
-    expect_lines(program.run("bench -s builtin:diffuse -r 4" + std::string(kFew)), {"builtin:diffuse, initial points"});
+TEST_F(Bench, MeasuresInitialPointsElsewhere) {
+    expect_lines(program.run("bench -s builtin:diffuse -r 4 --init-points 400" + std::string(kFew)),
+                 {"builtin:diffuse, initial points"});
     EXPECT_EQ(program.run("bench -s builtin:diffuse -m none --iteration 1").exit_code, 2);
     EXPECT_EQ(program.run("bench").exit_code, 2);
 }
 
-TEST(Bench, FramesOfRunsAndOfGeneratedSetsAreOneTable) {
-    const Program program;
-    ASSERT_EQ(program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --appearance none --eval -m run")
-                  .exit_code,
-              0);
+TEST_F(Bench, FramesOfRunsAndOfGeneratedSetsAreOneTable) {
+    train();
     const auto before = parse_json(program.read("run/results.json"));
     const Outcome frames =
         program.run("bench frames run --generate 1k --appearances none,sv --device cpu --frame-repeat 2");
@@ -98,24 +99,20 @@ TEST(Bench, FramesOfRunsAndOfGeneratedSetsAreOneTable) {
     EXPECT_EQ(program.run("bench --generate 1k --appearances none").exit_code, 2) << "one model at a time";
 }
 
-TEST(Bench, TabulatesStabilityWithoutAScene) {
-    const Program program;
+TEST_F(Bench, TabulatesStabilityWithoutAScene) {
     expect_lines(program.run("bench stability"), {"| softplus ", "| sh ", "on the axis", "N = 0.1542"});
     expect_lines(program.run("bench stability --help"), {"gsapp bench stability"});  // measuring takes long enough once
     EXPECT_EQ(program.run("bench stability --generate 1k").exit_code, 2);
 }
 
-TEST(Bench, ComparesPrecisionsOfTheTrainedModel) {
-    const Program program;
-    ASSERT_EQ(
-        program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --appearance none -m run").exit_code, 0);
+TEST_F(Bench, ComparesPrecisionsOfTheTrainedModel) {
+    train();
     expect_lines(program.run(std::string("bench precision -m run") + kFew),
                  {"builtin:diffuse, run at iteration 2\n\n", "full"});
     EXPECT_EQ(program.run("bench precision -m run --generate 1k").exit_code, 2);
 }
 
-TEST(Bench, ASubcommandTakesItsOptionsBehindItsName) {
-    const Program program;
+TEST_F(Bench, ASubcommandTakesItsOptionsBehindItsName) {
     const Outcome before = program.run("bench -m run precision");
     EXPECT_EQ(before.exit_code, 2);
     EXPECT_NE(before.err.find("stands before 'precision'"), std::string::npos) << before.err;

@@ -25,11 +25,7 @@ using namespace std::string_literals;
 
 /// A run of `sv`, which depends on the view from the first iteration on.
 void train(const Program& program, const std::string& more = "") {
-    const Outcome outcome = program.run(
-        "train -s builtin:glossy --eval --device cpu --quiet --appearance sv --iterations 30 --init-points 500 -r 8 -m "
-        "run " +
-        more);
-    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    program.train("run", "-s builtin:glossy --eval --appearance sv --iterations 30 --init-points 500 -r 8 " + more);
 }
 
 TEST(Export, WritesPackedSceneWithWhatItLost) {
@@ -75,9 +71,7 @@ TEST(Export, WritesPackedSceneWithWhatItLost) {
 
 /// A run without view dependence; `more` has the scene and its size.
 void train_plain(const Program& program, const std::string& run, const std::string& more) {
-    const Outcome outcome = program.run(
-        "train --device cpu --quiet --appearance none --iterations 5 --init-points 300 -m " + run + " " + more);
-    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    program.train(run, "--appearance none --iterations 5 --init-points 300 " + more);
 }
 
 TEST(Export, WritesTwoRunsAndTheirPhotographs) {

@@ -27,9 +27,7 @@ constexpr const char* kScene = "-s builtin:glossy -r 4 -w";
 
 /// Trains `run` and copies its model to model.ply, as somebody would who keeps that file alone.
 void train_model(const Program& program, const std::string& arguments) {
-    const Outcome outcome =
-        program.run("train --eval --device cpu --quiet --iterations 20 --init-points 400 -m run " + arguments);
-    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    program.train("run", "--eval --iterations 20 --init-points 400 " + arguments);
     fs::copy_file(program.path("run/point_cloud/iteration_20/point_cloud.ply"), program.path("model.ply"));
 }
 

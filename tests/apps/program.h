@@ -2,10 +2,12 @@
 // Runs the built gsapp as a user would, in a folder of its own.
 #pragma once
 
+#include <gtest/gtest.h>
 #include <sys/wait.h>
 
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <string>
 
 #include "tests/core/temporary_folder.h"
@@ -33,6 +35,20 @@ class Program {
     Outcome interrupt(const std::string& arguments, const std::string& sign) const {
         return shell(call(arguments) + " & program=$!; for i in $(seq 1200); do grep -q '" + sign +
                      "' out.txt err.txt && break; sleep 0.1; done; kill -INT $program; wait $program");
+    }
+
+    /// Trains `folder` on the CPU, or copies the run that an earlier test of this process trained by the same
+    /// arguments: trainings repeat themselves to the bit.
+    void train(const std::string& folder, const std::string& arguments) const {
+        static std::map<std::string, TemporaryFolder> trained;
+        const auto [kept, is_new] = trained.try_emplace(folder + " " + arguments);
+        if (is_new) {
+            const Outcome outcome = run("train --device cpu --quiet -m " + folder + " " + arguments);
+            ASSERT_EQ(outcome.exit_code, 0) << arguments << "\n" << outcome.err;
+        }
+        const std::filesystem::path copy = kept->second.path() / folder;
+        std::filesystem::copy(is_new ? path(folder) : copy, is_new ? copy : path(folder),
+                              std::filesystem::copy_options::recursive);
     }
 
     std::string read(const std::string& name) const {

@@ -22,10 +22,7 @@ using test::Program;
 class RenderCommand : public testing::Test {
   protected:
     void SetUp() override {
-        const Outcome outcome = program.run(
-            "train -s builtin:glossy --eval --device cpu --quiet --appearance none --iterations 2 --init-points 300 "
-            "-r 4 -m run");
-        ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+        program.train("run", "-s builtin:glossy --eval --appearance none --iterations 2 --init-points 300 -r 4");
     }
 
     Outcome expect_ok(const std::string& arguments, const std::string& before = "") const {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp tradeoff` as a user calls it: all runs, again without training, Ctrl-C and on, a time limit, mistakes.
 #include <gtest/gtest.h>
-
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -79,7 +78,7 @@ TEST(TradeoffProgram, CtrlCWritesWhatIsThereAndTheSameCommandGoesOn) {
 
 TEST(TradeoffProgram, ATimeLimitStopsAndSkipsAndSaysSo) {
     const Program program;
-    const Outcome outcome = program.run(std::string(kTiny) + "--axes iterations=20,4000000,8000000 --time-limit 60s");
+    const Outcome outcome = program.run(std::string(kTiny) + "--axes iterations=5,4000000,8000000 --time-limit 300s");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     EXPECT_EQ(finished(program), 1);
     for (const char* n : {"4000000", "8000000"})
@@ -88,7 +87,8 @@ TEST(TradeoffProgram, ATimeLimitStopsAndSkipsAndSaysSo) {
             << outcome.out;
     EXPECT_NE(outcome.err.find("the time limit left out 2"), std::string::npos) << outcome.err;
 
-    const Outcome none = program.run(std::string(kTiny) + "--axes iterations=4000000,8000000 --time-limit 4s");
+    const Outcome none =
+        program.run(std::string(kTiny) + "--axes iterations=4000000,8000000 --time-limit 4s --threads 1");
     EXPECT_EQ(none.exit_code, 2) << none.err;
     EXPECT_NE(none.err.find("--time-limit 4s: too short for even one"), std::string::npos) << none.err;
     EXPECT_NE(none.out.find("- iterations 4000000: stopped at the time limit\n"), std::string::npos) << none.out;
@@ -157,6 +157,84 @@ TEST(TradeoffProgram, MistakesAreFoundBeforeAnythingIsTrained) {
     message(scene + "--quality lpips", 2);
     message(scene + "--give-up -1", 2);
     EXPECT_NE(message("-s nowhere --device cpu", 3).find("nowhere"), std::string::npos);
+    EXPECT_FALSE(std::filesystem::exists(program.path("output")));
+}
+
+// `gsapp bench suite` as a user calls it: all runs, again without training, a run that fails, Ctrl-C.
+
+constexpr const char* kSuite =
+    " --appearances none -s builtin:diffuse --device cpu -r 8 --init-points 500 --cap-max 1000 ";
+
+TEST(Suite, TrainsWhatIsMissingAndTabulatesAll) {
+    const Program program;
+    const std::string command = std::string("bench suite densification") + kSuite + "--iterations 4 -m out";
+    const Outcome first = program.run(command);
+    ASSERT_EQ(first.exit_code, 0) << first.err;
+    for (const char* row : {"| MCMC               | none  ", "| MCMC 0.1x          | none  ",
+                            "| ADC                | none  ", "| ADC + Speedy-Splat | none  "})
+        EXPECT_NE(first.out.find(row), std::string::npos) << first.out;
+    EXPECT_EQ(program.read("out/suite.md"), first.out);
+    EXPECT_EQ(count(program.read("out/suite.json"), "\"status\": \"finished\""), 4);
+
+    const Outcome json = program.run(command + " --json --quiet");
+    EXPECT_EQ(json.exit_code, 0) << json.err;
+    EXPECT_EQ(json.out, program.read("out/suite.json"));
+    EXPECT_EQ(json.err, "");
+
+    const Outcome again = program.run(std::string("bench suite densification") + kSuite + "--iterations 4 -m out");
+    EXPECT_EQ(again.exit_code, 0) << again.err;
+    EXPECT_EQ(again.out, first.out);
+    EXPECT_EQ(count(again.err, "finished before"), 4) << again.err;
+
+    // A run that broke off is trained anew; the others stay.
+    std::filesystem::remove(program.path("out/adc-none/results.json"));
+    const Outcome repaired = program.run(command);
+    EXPECT_EQ(repaired.exit_code, 0) << repaired.err;
+    EXPECT_EQ(count(repaired.err, "finished before"), 3) << repaired.err;
+    EXPECT_EQ(count(program.read("out/suite.json"), "\"status\": \"finished\""), 4);
+
+    // Runs of other options are not touched.
+    const Outcome other = program.run(command + " --seed 5");
+    EXPECT_EQ(other.exit_code, 2) << other.err;
+    EXPECT_EQ(count(other.out, "failed: "), 4) << other.out;
+    EXPECT_NE(other.out.find("--overwrite"), std::string::npos) << other.out;
+    EXPECT_EQ(program.run(command).exit_code, 0);
+}
+
+TEST(Suite, AFailedRunIsReportedAndTheOthersGoOn) {
+    const Program program;
+    std::filesystem::create_directory(program.path("out"));
+    program.folder().write("out/adc-none", "a file where the run's folder should be");
+    const Outcome outcome = program.run(std::string("bench suite densification") + kSuite + "--iterations 2 -m out");
+    EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+    EXPECT_EQ(count(outcome.out, ": failed: "), 1) << outcome.out;
+    EXPECT_NE(outcome.out.find("- ADC, none: failed: "), std::string::npos) << outcome.out;
+    EXPECT_NE(outcome.err.find("1 of 4 runs failed"), std::string::npos) << outcome.err;
+    EXPECT_EQ(count(program.read("out/suite.json"), "\"status\": \"finished\""), 3);
+}
+
+TEST(Suite, InterruptKeepsFinishedRuns) {
+    const Program program;
+    const Outcome stopped = program.interrupt(
+        std::string("bench suite activations") + kSuite + "--iterations 10000000 -m out", ": training in");
+    EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
+    EXPECT_EQ(count(stopped.out, ": not trained\n"), 12) << stopped.out;
+    EXPECT_NE(stopped.err.find("the same command"), std::string::npos) << stopped.err;
+}
+
+TEST(Suite, MistakesAreUsageErrors) {
+    const Program program;
+    const std::string command = "bench suite ";
+    EXPECT_EQ(program.run(command + "everything -s builtin:diffuse").exit_code, 2);
+    EXPECT_EQ(program.run(command + "densification").exit_code, 2);
+    EXPECT_EQ(program.run(command + "densification -s builtin:diffuse --appearances sj").exit_code, 2);
+    EXPECT_EQ(program.run(command + "densification -s builtin:diffuse --generate 1k").exit_code, 2);
+    const Outcome positional = program.run(command + "densification nowhere --appearances sh");
+    EXPECT_EQ(positional.exit_code, 3) << positional.err;
+    EXPECT_NE(positional.out.find("failed: "), std::string::npos) << positional.out;
+    std::filesystem::remove_all(program.path("output"));
+    EXPECT_EQ(program.run("bench suite -s builtin:diffuse").exit_code, 2);
+    EXPECT_EQ(program.run("bench --appearances sh -s builtin:diffuse").exit_code, 2);
     EXPECT_FALSE(std::filesystem::exists(program.path("output")));
 }
 

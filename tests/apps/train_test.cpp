@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A short training through the program: files, progress lines, resuming, interrupting.
+// Short trainings through the program: files, progress lines, resuming, interrupting, a chosen appearance.
 #include <gtest/gtest.h>
-
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "appearance/model_info.h"
 #include "lib/core/json_text.h"
 #include "tests/apps/program.h"
 
@@ -22,7 +22,8 @@ std::vector<nlohmann::json> json_lines(const std::string& text) {
     return lines;
 }
 
-constexpr const char* kShort = "train -s builtin:diffuse --device cpu --eval -r 4 --iterations 20 --cap-max 6000 ";
+constexpr const char* kShort =
+    "train -s builtin:diffuse --device cpu --eval -r 8 --iterations 20 --init-points 400 --cap-max 600 ";
 
 TEST(Train, BeginsWithTheModelOfAnotherRun) {
     const Program program;
@@ -177,7 +178,8 @@ TEST(Train, WithoutATerminalStdoutIsTheTableAlone) {
 
 TEST(Train, ThreeLinesOpenIt) {
     const Program program;
-    const Outcome outcome = program.run(std::string(kShort) + "-m run");
+    const std::string train = "train -s builtin:diffuse --device cpu --eval -r 8 --iterations 20 --cap-max 6000 ";
+    const Outcome outcome = program.run(train + "-m run");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     std::istringstream lines(outcome.err.substr(0, outcome.err.find("info: iteration 20: PSNR")));
     std::vector<std::string> opening;
@@ -187,7 +189,7 @@ TEST(Train, ThreeLinesOpenIt) {
     EXPECT_EQ(opening[1], "info: training sh, at most 6000 Gaussians (--cap-max), 20 iterations, into run");
     EXPECT_TRUE(opening[2].starts_with("info: device: CPU")) << opening[2];
     EXPECT_NE(program.read("run/gsapp.log").find("debug: memory plan: "), std::string::npos) << "the log has the rest";
-    const Outcome verbose = program.run(std::string(kShort) + "-m verbose -v");
+    const Outcome verbose = program.run(train + "-m verbose -v");
     EXPECT_NE(verbose.err.find("debug: memory plan: "), std::string::npos) << verbose.err;
 }
 
@@ -281,6 +283,104 @@ TEST(Train, InterruptedControllersAreTrainedAnewByTheResumedRun) {
     ASSERT_EQ(own.exit_code, 0) << own.err;
     EXPECT_NE(own.out.find("| scene-aligned "), std::string::npos) << own.out;
     EXPECT_TRUE(std::filesystem::exists(program.path("run/on-polished/results.json")));
+}
+
+// A run of one appearance is not resumed as another.
+
+constexpr const char* kOneStep = "train -s builtin:diffuse --device cpu -r 8 --iterations 1 --init-points 300 ";
+
+/// Resumes the run in `folder` with other appearance options, which has to be refused in words that name file and both
+/// models.
+void expect_refusal(const Program& program, const std::string& folder, const std::string& options,
+                    const std::string& held, const std::string& asked) {
+    const std::string file = folder + "/checkpoints/iteration_1.safetensors", before = program.read(file),
+                      config = program.read(folder + "/config.yaml");
+    const Outcome outcome = program.run("train -m " + folder + " --resume latest --iterations 2 " + options);
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+    for (const std::string& part : {file, "(" + held, "(" + asked})
+        EXPECT_NE(outcome.err.find(part), std::string::npos) << part << " is not in\n" << outcome.err;
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_EQ(program.read(file), before);
+    EXPECT_EQ(program.read(folder + "/config.yaml"), config);
+}
+
+TEST(Resume, AnotherModelIsRefused) {
+    const Program program;
+    // In a ring: every model is once the one in the file and once the one asked for.
+    const auto& models = appearance_models();
+    for (std::size_t k = 0; k < models.size(); ++k) {
+        const std::string held = models[k]->name, asked = models[(k + 1) % models.size()]->name;
+        ASSERT_EQ(program.run(kOneStep + ("-m " + held + " --appearance " + held)).exit_code, 0) << held;
+        expect_refusal(program, held, "--appearance " + asked, held + ",", asked + ",");
+    }
+}
+
+TEST(Resume, AnotherDegreeOrActivationIsRefused) {
+    const Program program;
+    ASSERT_EQ(program.run(std::string(kOneStep) + "-m run").exit_code, 0);
+    expect_refusal(program, "run", "--sh-degree 2", "sh, max degree 3, relu)", "sh, max degree 2, relu)");
+    expect_refusal(program, "run", "--color-activation softplus", "sh, max degree 3, relu)",
+                   "sh, max degree 3, softplus)");
+    expect_refusal(program, "run", "--color-activation softplus --overwrite", "sh, max degree 3, relu)",
+                   "sh, max degree 3, softplus)");
+    EXPECT_EQ(program.run("train -m run --resume latest --iterations 2").exit_code, 0)
+        << "and as what it is it goes on";
+}
+
+// `gsapp train --appearance auto` as a user calls it.
+
+constexpr const char* kAuto = "train -s builtin:glossy --device cpu -r 16 --eval --init-points 500 --cap-max 500 ";
+
+TEST(AutoAppearance, TrainsTheChosenModelAsIfItHadBeenNamed) {
+    const Program program;
+    const Outcome chosen = program.run(std::string(kAuto) + "--iterations 150 --appearance auto -m chosen");
+    ASSERT_EQ(chosen.exit_code, 0) << chosen.err;
+    const auto choice = parse_json(program.read("chosen/auto.json"));
+    const std::string model = choice["model"];
+    // So short a run ranks nothing; tests/eval/auto has what longer ones do.
+    EXPECT_EQ(model, "sv");
+    EXPECT_EQ(choice["lines"].size(), 1u);
+    EXPECT_NE(chosen.err.find("too short to tell"), std::string::npos) << chosen.err;
+    EXPECT_GT(choice["share_of_training"], 0.0);
+    EXPECT_NE(program.read("chosen/config.yaml").find("appearance: " + model), std::string::npos);
+    EXPECT_EQ(parse_json(program.read("chosen/results.json"))["appearance_choice"]["ours_150"]["model"], model);
+    ASSERT_EQ(program.run(std::string(kAuto) + "--iterations 150 --appearance " + model + " -m named").exit_code, 0);
+    EXPECT_FALSE(std::filesystem::exists(program.path("named/auto.json")));
+    const std::string ply = "/point_cloud/iteration_150/point_cloud.ply";
+    EXPECT_EQ(program.read("chosen" + ply), program.read("named" + ply))
+        << "the choice leaves nothing behind in the training";
+}
+
+TEST(AutoAppearance, AResumedRunDoesNotDecideAgain) {
+    const Program program;
+    ASSERT_EQ(program.run(std::string(kAuto) + "--iterations 100 --appearance auto -m run").exit_code, 0);
+    // The share of the training is that of the whole run, which has become longer.
+    const auto decision = [&] {
+        const std::string choice = program.read("run/auto.json");
+        return choice.substr(0, choice.find("share_of_training"));
+    };
+    const std::string first = decision();
+    EXPECT_GT(first.size(), 100u);
+    for (const char* resume : {"train -m run --resume latest --iterations 101",
+                               "train -m run --resume latest --iterations 102 --appearance auto"}) {
+        const Outcome resumed = program.run(resume);
+        ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+        EXPECT_EQ(resumed.err.find("--appearance auto: "), std::string::npos) << resumed.err;
+        EXPECT_EQ(decision(), first);
+    }
+}
+
+TEST(AutoAppearance, IsRefusedWhereRunsAreCompared) {
+    const Program program;
+    for (const char* command :
+         {"train --eval --runs 2 --appearance auto", "bench suite densification --appearances sh,auto",
+          "tradeoff --axes appearance=none,auto", "tradeoff --axes budget --appearance auto"}) {
+        const Outcome outcome = program.run(std::string(command) + " -s builtin:diffuse --device cpu -r 8 -m out");
+        EXPECT_EQ(outcome.exit_code, 2) << command;
+        EXPECT_NE(outcome.err.find("appearance auto: every run that is compared"), std::string::npos) << command << "\n"
+                                                                                                      << outcome.err;
+        EXPECT_FALSE(std::filesystem::exists(program.path("out"))) << command;
+    }
 }
 
 }  // namespace

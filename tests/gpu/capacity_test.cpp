@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // More instances than there is room for, and more than there may ever be. Skipped where there is no device.
+
 #include "kernels/base/error.h"
+#include "tests/gpu/gpu_test.h"
 #include "tests/gpu/scenes.h"
 #include "tests/kernels/backends.h"
 
@@ -121,6 +123,15 @@ TEST_F(GpuCapacity, AnImageThatDidNotFitIsRenderedAgain) {
         second->render(r, b);
     EXPECT_TRUE(same_bits(a.rgb, b.rgb));
     EXPECT_TRUE(same_bits(a.alpha, b.alpha));
+}
+
+// A device that answers runs a first kernel of this build, and says what it is.
+
+TEST_F(Gpu, RunsAFirstKernelOfThisBuildAndIsAvailableAfterIt) {
+    EXPECT_EQ(try_cuda_device(), "");
+    EXPECT_TRUE(cuda_available()) << cuda_unavailable_reason();
+    EXPECT_GT(cuda_device_count(), 0);
+    EXPECT_NE(cuda_driver_description().find("(sm_"), std::string::npos) << cuda_driver_description();
 }
 
 }  // namespace

@@ -2,9 +2,13 @@
 // Files appear completely or not at all, also when the disk refuses.
 #include "lib/io/atomic_file.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
+#include <algorithm>
 
 #include "kernels/base/error.h"
+#include "lib/io/event_file.h"
+#include "lib/io/temporary.h"
 #include "tests/io/file_helpers.h"
 #include "tests/io/limits.h"
 
@@ -114,6 +118,143 @@ TEST(AtomicFile, FullDiskFoundOnlyAtCommitLeavesNothing) {
     });
     EXPECT_EQ(status, 0);
     EXPECT_EQ(folder.num_entries(), 0u);
+}
+
+// Temporary files of killed programs go; those of living ones, and what only looks like one, stay.
+
+std::vector<std::string> names_in(const std::filesystem::path& folder) {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(folder))
+        names.push_back(entry.path().filename().string());
+    std::sort(names.begin(), names.end());
+    return names;
+}
+
+TEST(Temporary, LeftoversOfAKilledProgramGo) {
+    const TempFolder folder;
+    const int status = in_child([&] {
+        create_temporary_file(folder / "a.bin");
+        spit((new WorkFolder(folder / "site"))->path() / "assets/b.js", "x");
+        return 0;  // by _exit, as if it were killed
+    });
+    ASSERT_EQ(status, 0);
+    ASSERT_EQ(folder.num_entries(), 2u);
+    spit(folder / "site/kept.txt", "x");
+    remove_leftovers(folder.path());
+    EXPECT_EQ(names_in(folder.path()), std::vector<std::string>{"site"});
+}
+
+TEST(Temporary, WritingIntoAFolderRemovesItsLeftovers) {
+    const TempFolder folder;
+    in_child([&] {
+        create_temporary_file(folder / "sub/a.bin");
+        return 0;
+    });
+    ASSERT_EQ(names_in(folder / "sub").size(), 1u);
+    write_text_atomic(folder / "sub/b.txt", "x");
+    EXPECT_EQ(names_in(folder / "sub"), std::vector<std::string>{"b.txt"});
+}
+
+TEST(Temporary, FilesInWorkStay) {
+    const TempFolder folder;
+    AtomicFile file(folder / "a.txt");
+    file.stream() << "new";
+    {
+        const WorkFolder work(folder / "site");
+        remove_leftovers(folder.path());
+        EXPECT_TRUE(std::filesystem::is_directory(work.path()));
+    }
+    file.commit();
+    EXPECT_EQ(slurp(folder / "a.txt"), "new");
+    EXPECT_EQ(folder.num_entries(), 1u);
+}
+
+TEST(Temporary, OtherFilesStay) {
+    const TempFolder folder;
+    const std::vector<std::string> names = {".a.12-0.tm", ".a.12.tmp",  ".a.1x-0.tmp", ".a.12-.tmp",     ".a.-0.tmp",
+                                            ".12-0.tmp",  "..12-0.tmp", "a.12-0.tmp",  ".a.12-0.tmp.txt"};
+    for (const std::string& name : names) spit(folder / name, "mine");
+    spit(folder / "target", "x");
+    std::filesystem::create_symlink("target", folder / ".link.12-0.tmp");
+    ::mkfifo((folder / ".fifo.12-0.tmp").c_str(), 0600);
+    remove_leftovers(folder.path());
+    EXPECT_EQ(folder.num_entries(), names.size() + 3);
+}
+
+TEST(Temporary, FilesOfOtherUsersStay) {
+    if (::geteuid() != 0) GTEST_SKIP() << "only root can make a file of another user";
+    const TempFolder folder;
+    spit(folder / ".a.12-0.tmp", "x");
+    spit(folder / ".b.12-0.tmp", "x");
+    ASSERT_EQ(::chown((folder / ".b.12-0.tmp").c_str(), 65534, 65534), 0);
+    remove_leftovers(folder.path());
+    EXPECT_EQ(names_in(folder.path()), std::vector<std::string>{".b.12-0.tmp"});
+}
+
+// Event files: checksums, names in order, and what a full disk leaves.
+
+TEST(Crc32c, HasTheValuesOfRfc3720) {
+    EXPECT_EQ(crc32c(""), 0u);
+    EXPECT_EQ(crc32c("123456789"), 0xE3069283u);
+    EXPECT_EQ(crc32c(std::string(32, '\0')), 0x8A9136AAu);
+    EXPECT_EQ(crc32c(std::string(32, '\xFF')), 0x62A8AB43u);
+    std::string rising, falling;
+    for (int k = 0; k < 32; ++k) rising += char(k), falling += char(31 - k);
+    EXPECT_EQ(crc32c(rising), 0x46DD794Eu);
+    EXPECT_EQ(crc32c(falling), 0x113FDB5Cu);
+}
+
+TEST(EventFile, NamesAreInTheOrderOfTheFiles) {
+    const TempFolder folder;
+    std::vector<std::string> names;
+    for (int k = 0; k < 3; ++k) {  // within one second
+        EventFile file(folder / "board");
+        file.add(k, {{"a/b", 0.5}});
+        names.push_back(file.path().filename());
+        EXPECT_NE(names.back().find("tfevents"), std::string::npos);
+    }
+    EXPECT_TRUE(std::is_sorted(names.begin(), names.end()));
+    EXPECT_NE(names[0], names[1]);
+}
+
+TEST(EventFile, WithoutEventsLeavesNothing) {
+    const TempFolder folder;
+    { const EventFile file(folder / "new"); }
+    EXPECT_FALSE(std::filesystem::exists(folder / "new"));
+    std::filesystem::create_directory(folder / "old");
+    { const EventFile file(folder / "old"); }
+    EXPECT_TRUE(std::filesystem::is_empty(folder / "old"));
+}
+
+TEST(EventFile, OfAFullDiskEndsWithAWholeRecord) {
+    const TempFolder folder;
+    const int status = in_child([&] {
+        EventFile file(folder / "board");
+        const std::size_t begin = slurp(file.path()).size();
+        file.add(1, {{"a", 1}});
+        const std::string whole = slurp(file.path());
+        const std::size_t record = whole.size() - begin;
+        limit_file_size(whole.size() + 20);
+        const int refused = data_error_status([&] { file.add(2, {{"a", 2}}); }, "tfevents", "File too large");
+        if (refused != 0 || slurp(file.path()) != whole) return 3;
+        limit_file_size(1 << 20);
+        file.add(3, {{"a", 3}});  // there is room again
+        return slurp(file.path()).size() == whole.size() + record ? 0 : 4;
+    });
+    EXPECT_EQ(status, 0);
+}
+
+TEST(EventFile, ThatCannotBeBegunIsADataErrorAndLeavesNothing) {
+    const TempFolder folder;
+    const int status = in_child([&] {
+        limit_file_size(10);
+        return data_error_status([&] { EventFile file(folder / "board"); }, "board", "File too large");
+    });
+    EXPECT_EQ(status, 0);
+    EXPECT_FALSE(std::filesystem::exists(folder / "board"));
+    folder.write("file", "");
+    EXPECT_THROW(EventFile(folder / "file"), DataError);
+    EXPECT_THROW(EventFile(folder / "file/board"), DataError);
 }
 
 }  // namespace

@@ -3,19 +3,21 @@
 #include "lib/io/image.h"
 
 #include <OpenImageIO/imageio.h>
-
+#include <gtest/gtest.h>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "kernels/base/error.h"
 #include "tests/io/file_helpers.h"
 #include "tests/io/limits.h"
+#include "tests/io/tagged_image.h"
 
 // OpenImageIO 2.4 itself loses the text of each decoding error; without the leak checker nobody calls this.
 extern "C" const char* __lsan_default_suppressions();
 extern "C" const char* __lsan_default_suppressions() { return "leak:ImageInput::geterror\n"; }
 
-namespace gs {
+namespace gs::test {
 namespace {
 
 using test::message_of;
@@ -295,5 +297,126 @@ TEST(EncodeJpeg, IsAFileThatDecodesToAboutTheSame) {
     EXPECT_THROW(encode_jpeg(image, 90), UsageError);
 }
 
+// Resizing: exact box averages, means, alpha, enlarging.
+
+Image float_image(int width, int height, int channels, std::vector<float> values) {
+    return {width, height, channels, {}, std::move(values)};
+}
+
+TEST(Resize, IntegerFactorsAverageBlocks) {
+    const Image out = resize_image(float_image(4, 2, 1, {1, 3, 10, 20, 5, 7, 30, 40}), 2, 1);
+    EXPECT_FLOAT_EQ(out.f32[0], 4);
+    EXPECT_FLOAT_EQ(out.f32[1], 25);
+}
+
+TEST(Resize, FractionalFactorsWeighByArea) {
+    // 3 -> 2: each output covers one and a half inputs.
+    const Image out = resize_image(float_image(3, 1, 1, {1, 2, 4}), 2, 1);
+    EXPECT_FLOAT_EQ(out.f32[0], (1 + 0.5f * 2) / 1.5f);
+    EXPECT_FLOAT_EQ(out.f32[1], (0.5f * 2 + 4) / 1.5f);
+}
+
+TEST(Resize, ShrinkingKeepsTheMean) {
+    std::vector<float> values(101 * 67 * 3);
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = float((i * 2654435761u % 1000) / 1000.0);
+    const Image in = float_image(101, 67, 3, values);
+    const auto mean = [](const Image& image) {
+        return std::accumulate(image.f32.begin(), image.f32.end(), 0.0) / double(image.f32.size());
+    };
+    for (const auto& [w, h] : {std::pair{50, 33}, {100, 66}, {7, 5}, {1, 1}})
+        EXPECT_NEAR(mean(resize_image(in, w, h)), mean(in), 1e-5);
+}
+
+TEST(Resize, InvisibleColourDoesNotBleed) {
+    Image in{2, 1, 4, {255, 0, 0, 255, 0, 255, 0, 0}, {}};
+    const Image out = resize_image(in, 1, 1);
+    EXPECT_EQ(out.u8, (std::vector<std::uint8_t>{255, 0, 0, 128}));
+}
+
+TEST(Resize, EnlargingIsLinearBetweenPixelCentres) {
+    const Image out = resize_image(float_image(2, 1, 1, {0, 1}), 4, 3);
+    const float expected[4] = {0, 0.25f, 0.75f, 1};
+    for (int y = 0; y < 3; ++y)
+        for (int x = 0; x < 4; ++x) EXPECT_FLOAT_EQ(out.f32[y * 4 + x], expected[x]);
+}
+
+TEST(Resize, EightBitRoundsToNearestAndConstantStaysConstant) {
+    EXPECT_EQ(resize_image(Image{2, 1, 1, {10, 11}, {}}, 1, 1).u8[0], 11);
+    for (const int v : {0, 1, 77, 254, 255}) {
+        Image in{13, 9, 3, std::vector<std::uint8_t>(13 * 9 * 3, std::uint8_t(v)), {}};
+        for (const auto& [w, h] : {std::pair{5, 4}, {20, 30}, {13, 4}})
+            for (const std::uint8_t got : resize_image(in, w, h).u8) EXPECT_EQ(got, v);
+    }
+}
+
+TEST(Resize, SameSizeIsACopyAndEmptyTargetsAreRefused) {
+    const Image in{2, 1, 4, {1, 2, 3, 0, 5, 6, 7, 8}, {}};
+    EXPECT_EQ(resize_image(in, 2, 1).u8, in.u8);
+    EXPECT_THROW(resize_image(in, 0, 1), UsageError);
+}
+
+// EXIF orientation: which way pixels are turned, and that copies keep all else.
+
+TEST(Orientation, EachOfTheEightTurnsAsExifSays) {
+    const std::vector<std::vector<std::uint8_t>> expected = {{1, 2, 3, 4, 5, 6}, {3, 2, 1, 6, 5, 4}, {6, 5, 4, 3, 2, 1},
+                                                             {4, 5, 6, 1, 2, 3}, {1, 4, 2, 5, 3, 6}, {4, 1, 5, 2, 6, 3},
+                                                             {6, 3, 5, 2, 4, 1}, {3, 6, 2, 5, 1, 4}};
+    for (int orientation = 1; orientation <= 8; ++orientation) {
+        Image image{3, 2, 1, {1, 2, 3, 4, 5, 6}, {}}, floats{3, 2, 1, {}, {1, 2, 3, 4, 5, 6}};
+        const Image turned = upright(image, orientation), turned_floats = upright(floats, orientation);
+        EXPECT_EQ(turned.u8, expected[orientation - 1]) << orientation;
+        EXPECT_EQ(turned_floats.f32, std::vector<float>(turned.u8.begin(), turned.u8.end())) << orientation;
+        EXPECT_EQ(turned.width, is_quarter_turn(orientation) ? 2 : 3) << orientation;
+        EXPECT_EQ(turned.height, is_quarter_turn(orientation) ? 3 : 2) << orientation;
+    }
+}
+
+TEST(Orientation, IsReadAndDoesNotTurnWhatIsRead) {
+    const TempFolder folder;
+    write_tagged(folder / "a.jpg", 32, 16, 6);
+    write_tagged(folder / "b.jpg", 32, 16, 1);
+    EXPECT_EQ(read_image_info(folder / "a.jpg").orientation, 6);
+    EXPECT_EQ(read_image_info(folder / "b.jpg").orientation, 1);
+    EXPECT_EQ(read_image(folder / "a.jpg").u8, read_image(folder / "b.jpg").u8);
+}
+
+TEST(Orientation, AnUprightCopyKeepsTheRest) {
+    const TempFolder folder;
+    write_tagged(folder / "a.jpg", 32, 16, 6);
+    write_upright_copy(folder / "a.jpg", folder / "upright/a.jpg");
+    const auto input = OIIO::ImageInput::open((folder / "upright/a.jpg").string());
+    ASSERT_TRUE(input);
+    EXPECT_EQ(input->spec().get_int_attribute("Orientation", 1), 1);
+    EXPECT_NEAR(input->spec().get_float_attribute("ExposureTime"), 0.01f, 1e-5f);
+    EXPECT_EQ(input->spec().get_float_attribute("Exif:FocalLength"), 35.0f);
+    const Image image = read_image(folder / "upright/a.jpg");
+    ASSERT_EQ(image.width, 16);
+    ASSERT_EQ(image.height, 32);
+    EXPECT_GT(image.value(8, 2, 0), 0.98f) << "what lay on the left is on top";
+    EXPECT_LT(image.value(8, 29, 0), 0.02f);
+
+    write_tagged(folder / "c.tif", 4, 2, 3);
+    write_upright_copy(folder / "c.tif", folder / "upright/c.tif");
+    EXPECT_NEAR(OIIO::ImageInput::open((folder / "upright/c.tif").string())->spec().get_float_attribute("ExposureTime"),
+                0.01f, 1e-5f);
+    const Image exact = read_image(folder / "upright/c.tif");
+    EXPECT_EQ(exact.value(0, 0, 0), 0.0f);
+    EXPECT_EQ(exact.value(3, 1, 2), 1.0f);
+    spit(folder / "damaged.jpg", slurp(folder / "a.jpg").substr(0, 400));
+    EXPECT_CONTAINS(
+        message_of<DataError>([&] { write_upright_copy(folder / "damaged.jpg", folder / "upright/damaged.jpg"); }),
+        "damaged.jpg");
+}
+
+TEST(Orientation, NoUprightCopyIsMadeOfATruncatedPhotograph) {
+    const TempFolder folder;
+    write_tagged(folder / "a.jpg", 320, 160, 6);
+    const std::string whole = slurp(folder / "a.jpg");
+    spit(folder / "cut.jpg", whole.substr(0, whole.size() - 200));
+    EXPECT_CONTAINS(message_of<DataError>([&] { write_upright_copy(folder / "cut.jpg", folder / "upright/cut.jpg"); }),
+                    "cut.jpg");
+    EXPECT_FALSE(std::filesystem::exists(folder / "upright/cut.jpg"));
+}
+
 }  // namespace
-}  // namespace gs
+}  // namespace gs::test

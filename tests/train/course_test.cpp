@@ -9,9 +9,13 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/train/densification.h"
 #include "lib/train/learning_rates.h"
+#include "lib/train/run_costs.h"
+#include "lib/train/train_log.h"
+#include "tests/io/file_helpers.h"
+#include "tests/io/limits.h"
 #include "tests/train/forwarding_engine.h"
 
-namespace gs {
+namespace gs::test {
 namespace {
 
 TrainOptions options_of(std::int64_t iterations, ScheduleKind schedule = ScheduleKind::kProgress) {
@@ -340,5 +344,87 @@ TEST(Course, AResumedRunThatHasUsedItsTimeIsFinished) {
     EXPECT_EQ(course.moment().iteration, 1000);
 }
 
+// The course of a training on a disk that is full for a while, on one that stays full, and of a run that ends twice.
+
+TEST(TrainLog, LinesOfAFullDiskComeLater) {
+    const TempFolder folder;
+    const std::filesystem::path path = folder / "stats/train.jsonl";
+    const int status = in_child([&] {
+        TrainLog log(path, 0, false);
+        limit_file_size(30);
+        for (int i = 1; i <= 5; ++i) log.write({{"iteration", i}});
+        if (slurp(path).size() != 30) return 1;
+        limit_file_size(1 << 20);
+        log.write({{"iteration", 6}});
+        log.close();
+        return 0;
+    });
+    EXPECT_EQ(status, 0);
+    std::string expected;
+    for (int i = 1; i <= 6; ++i) expected += "{\"iteration\":" + std::to_string(i) + "}\n";
+    EXPECT_EQ(slurp(path), expected);
+}
+
+TEST(TrainLog, LinesThatAreMissingInTheEndAreADataError) {
+    const TempFolder folder;
+    const int status = in_child([&] {
+        TrainLog log(folder / "train.jsonl", 0, false);
+        limit_file_size(30);
+        for (int i = 1; i <= 5; ++i) log.write({{"iteration", i}});
+        return data_error_status([&] { log.close(); }, "train.jsonl", "File too large");
+    });
+    EXPECT_EQ(status, 0);
+}
+
+TEST(TrainLog, FinalLinesAreWrittenAnewByARunThatOnlyEndsOnceMore) {
+    const TempFolder folder;
+    const std::filesystem::path path = folder / "train.jsonl";
+    const std::string steps = "{\"iteration\":100}\n{\"iteration\":200}\n",
+                      end = "{\"final\":true,\"iteration\":200}\n";
+    for (const bool at_end : {true, false}) {
+        spit(path, steps + end);
+        TrainLog(path, 200, at_end).close();
+        EXPECT_EQ(slurp(path), at_end ? steps : steps + end);
+        spit(path, "{\"final\":true,\"iteration\":100}\n" + steps + end + "{\"iteration\":201}\n");
+        TrainLog(path, 200, at_end).close();
+        EXPECT_EQ(slurp(path), "{\"final\":true,\"iteration\":100}\n" + steps + (at_end ? "" : end));
+    }
+}
+
+TrainOptions options_of(Strategy strategy, std::int64_t iterations) {
+    TrainOptions o;
+    o.source = "builtin:diffuse", o.strategy = strategy, o.iterations = iterations;
+    validate(o);
+    return o;
+}
+
+TEST(TimeEstimate, WithoutGrowthEveryIterationTakesAsLong) {
+    const TrainOptions o = options_of(Strategy::kNone, 30000);
+    EXPECT_NEAR(estimate_seconds(o, {10, 0.5, 1000, 1e6}, 1000000), 0.5 * 29990, 1e-6);
+    EXPECT_EQ(estimate_seconds(o, {30000, 0.5, 1000, 1e6}, 1000000), 0);
+}
+
+TEST(TimeEstimate, GrowthMakesIterationsLonger) {
+    const TrainOptions o = options_of(Strategy::kMcmc, 30000);
+    const double still = 30000, grown = estimate_seconds(o, {0, 1, 100000, 0}, 1000000);
+    // Ten times as many after 100 log(10) / log(1.05) = 4,700 iterations from 600 on; pixels dampen that.
+    EXPECT_GT(grown, 8 * still);
+    EXPECT_LT(grown, 10 * still);
+    EXPECT_NEAR(estimate_seconds(o, {0, 1, 100000, 1e9}, 1000000), still, 0.01 * still);
+    EXPECT_NEAR(estimate_seconds(o, {0, 1, 100000, 0}, 1000), still, 1e-6) << "an initial model above the cap is kept";
+}
+
+TEST(TimeEstimate, CoarseStepsAreNoMeasureOfFullImages) {
+    TrainOptions o = options_of(Strategy::kNone, 1000);
+    o.coarse_until = 0.2;
+    EXPECT_NEAR(estimate_seconds(o, {0, 1, 1, 1e9}, 1), 200 + 4 * 800, 5);
+}
+
+TEST(TimeEstimate, AVeryLongRunIsEstimatedAtOnce) {
+    const TrainOptions o = options_of(Strategy::kMcmc, 2147483647);
+    const double seconds = estimate_seconds(o, {0, 1, 1000000, 0}, 1000000);
+    EXPECT_NEAR(seconds, 2147483647.0, 1);
+}
+
 }  // namespace
-}  // namespace gs
+}  // namespace gs::test

@@ -25,12 +25,12 @@ namespace {
 
 const bool quiet = (spdlog::set_level(spdlog::level::err), true);
 
-/// Returns a built-in scene with a fourth of its points: small images need no more.
+/// Returns a built-in scene with few of its points: small images need no more.
 Scene builtin(const std::string& name, int width) {
     SceneOptions options;
     options.resolution = width;
     Scene scene = load_builtin_scene(name, options);
-    scene.points.positions.resize(1250), scene.points.colors.resize(1250);
+    scene.points.positions.resize(400), scene.points.colors.resize(400);
     return scene;
 }
 
@@ -40,7 +40,7 @@ TrainOptions options_for(const std::filesystem::path& folder, std::int64_t itera
     o.model = folder.string();
     o.iterations = iterations;
     o.device = Device::kCpu;
-    o.cap_max = 1500;
+    o.cap_max = 500;
     o.ppisp = PpispMode::kOn;
     o.controller_iterations = 0;
     o.schedule = ScheduleKind::kFixed;  // parts of a run, which have other lengths, follow the same schedule

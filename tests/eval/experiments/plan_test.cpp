@@ -1,11 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// The plan of a run with constraints: its words, its estimates, and what came of it.
+// The plan of a run with constraints: its words, its estimates of time and size, and what came of it.
 #include "apps/gsapp/train/plan.h"
 
 #include <gtest/gtest.h>
+#include <filesystem>
 
+#include "appearance/model_info.h"
+#include "eval/experiments/tradeoff_search.h"
+#include "kernels/base/error.h"
 #include "lib/core/options.h"
+#include "lib/export/ngsplat.h"
+#include "lib/export/pack_scene.h"
+#include "lib/export/splat_file.h"
+#include "lib/model/appearance_spec.h"
+#include "lib/model/initialize.h"
+#include "lib/model/ply.h"
 #include "lib/scene/procedural.h"
+#include "tests/core/temporary_folder.h"
 
 namespace gs {
 namespace {
@@ -121,6 +132,144 @@ TEST(Estimate, IsSaidAsExactlyAsItIsKnown) {
     EXPECT_EQ(about(0.04), "less than 0.1 dB");
     EXPECT_EQ(about(0.31), "about 0.3 dB");
     EXPECT_EQ(about(55), "more than 10 dB");
+}
+
+TrainOptions run(std::int64_t iterations, std::int64_t cap_max, const std::string& appearance = "sh") {
+    TrainOptions o;
+    o.iterations = iterations, o.cap_max = cap_max, o.appearance = appearance;
+    return o;
+}
+
+TEST(TimePlan, TriesWhatNothingIsKnownOf) {
+    const TimePlan plan;
+    EXPECT_FALSE(plan.seconds(run(1000, 1000)));
+    EXPECT_TRUE(plan.fits(run(1000, 1000), 0.1));
+}
+
+TEST(TimePlan, ScalesTheNearestRunAndAddsWhatALaunchTakes) {
+    TimePlan plan;
+    plan.add(run(1000, 1000), 10, 12);
+    EXPECT_DOUBLE_EQ(*plan.seconds(run(1000, 1000)), 12);
+    EXPECT_DOUBLE_EQ(*plan.seconds(run(4000, 1000)), 42);
+    EXPECT_DOUBLE_EQ(*plan.seconds(run(4000, 10000)), 402);
+    EXPECT_DOUBLE_EQ(*plan.seconds(run(500, 1000)), 7);
+    plan.add(run(4000, 10000), 90, 93);  // measured: far less than in proportion
+    EXPECT_DOUBLE_EQ(*plan.seconds(run(4000, 10000)), 93);
+    EXPECT_DOUBLE_EQ(*plan.seconds(run(4000, 20000)), 183);
+    EXPECT_TRUE(plan.fits(run(4000, 20000), 183));
+    EXPECT_FALSE(plan.fits(run(4000, 20000), 182));
+}
+
+TEST(TimePlan, KnowsTheTimeOfRunsWithALimit) {
+    TimePlan plan;
+    TrainOptions limited = run(1000, 1000);
+    limited.time_limit = "20s";
+    EXPECT_DOUBLE_EQ(*plan.seconds(limited), 20);
+    plan.add(limited, 19, 25);
+    EXPECT_DOUBLE_EQ(*plan.seconds(limited), 26);
+    EXPECT_FALSE(plan.seconds(run(1000, 1000))) << "its length says nothing about a number of iterations";
+}
+
+TEST(TimePlan, PrefersTheAppearanceAmongRunsOfOneSize) {
+    TimePlan plan;
+    plan.add(run(1000, 1000, "none"), 5, std::nullopt);
+    plan.add(run(1000, 1000, "sh"), 8, std::nullopt);
+    EXPECT_DOUBLE_EQ(*plan.seconds(run(2000, 1000, "none")), 10);
+    EXPECT_DOUBLE_EQ(*plan.seconds(run(2000, 1000, "sh")), 16);
+    EXPECT_DOUBLE_EQ(*plan.seconds(run(2000, 1000, "nasg")), 10) << "of equals the first";
+}
+
+// Files of limited size: what is planned against what is written.
+
+TrainOptions options_of(const std::string& appearance, const std::string& limit, SizeOf of) {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    o.appearance = appearance, o.named = {"appearance"};
+    o.size_limit = limit, o.size_of = of;
+    o.init_points = 5000;
+    validate(o);
+    return o;
+}
+
+const Scene& scene() {
+    static const Scene scene = [] {
+        SceneOptions options;
+        options.resolution = 16;
+        return load_builtin_scene("diffuse", options);
+    }();
+    return scene;
+}
+
+Gaussians model_of(const TrainOptions& o, std::int64_t count) {
+    InitOptions init = init_options(o);
+    init.most_points = count;
+    Gaussians model = initialize_gaussians(scene(), appearance_spec(o), init);
+    model.active_degree = model.appearance.max_degree;
+    return model;
+}
+
+class SizePlanOf : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Models, SizePlanOf, ::testing::ValuesIn(appearance_names()),
+                         [](const auto& info) { return info.param; });
+
+TEST_P(SizePlanOf, IsTheSizeOfTheFile) {
+    const test::TemporaryFolder tmp;
+    for (const std::int64_t count : {1, 2048, 2049}) {
+        const TrainOptions web = options_of(GetParam(), "100MB", SizeOf::kWeb);
+        const Gaussians model = model_of(web, count);
+        ASSERT_EQ(model.count, count);
+        PackedScene packed = pack_gaussians(model);
+        packed.cameras.resize(scene().test.size());
+        packed.trailer = std::string(1024, ' ');
+        const auto scene_file = tmp.path() / "scene.ngsplat", ply_file = tmp.path() / "model.ply";
+        write_ngsplat(scene_file, packed);
+        EXPECT_EQ(plan_size(web, scene()).bytes(count), std::int64_t(std::filesystem::file_size(scene_file)));
+
+        const TrainOptions ply = options_of(GetParam(), "100MB", SizeOf::kPly);
+        write_ply(ply_file, model, {});
+        const auto real = std::int64_t(std::filesystem::file_size(ply_file));
+        EXPECT_GE(plan_size(ply, scene()).bytes(count), real);
+        EXPECT_LE(plan_size(ply, scene()).bytes(count), real + 4096);
+    }
+}
+
+TEST_P(SizePlanOf, TheMostFitsAndOneUnitMoreDoesNot) {
+    for (const SizeOf of : {SizeOf::kWeb, SizeOf::kPly}) {
+        const SizePlan plan = plan_size(options_of(GetParam(), "3MB", of), scene());
+        EXPECT_LE(plan.bytes(plan.most_gaussians), 3000000);
+        EXPECT_GT(plan.bytes(plan.most_gaussians + 1), 3000000);
+    }
+}
+
+TEST(SizePlan, ASplatFileHasOneColourAndNoHeader) {
+    TrainOptions o;
+    o.source = "builtin:diffuse", o.size_limit = "1MB", o.size_of = SizeOf::kSplat;
+    validate(o);
+    EXPECT_EQ(o.appearance, "none");
+    EXPECT_EQ(o.recipe, Recipe::kFrontier);
+    EXPECT_EQ(plan_size(o, scene()).most_gaussians, 31250);
+}
+
+TEST(SizePlan, ASizeBelowTheSmallestFileIsRefusedWithThatSize) {
+    try {
+        plan_size(options_of("sh", "1KB", SizeOf::kWeb), scene());
+        FAIL();
+    } catch (const UsageError& e) {
+        EXPECT_NE(std::string(e.what()).find("1KB is too small: the smallest web file of sh takes 11"),
+                  std::string::npos)
+            << e.what();
+    }
+    for (const char* text : {"0", "-5MB", "many", "5XB"}) {
+        TrainOptions o;
+        o.source = "builtin:diffuse", o.size_limit = text;
+        EXPECT_THROW(
+            {
+                validate(o);
+                plan_size(o, scene());
+            },
+            UsageError)
+            << text;
+    }
 }
 
 }  // namespace

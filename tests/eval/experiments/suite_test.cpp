@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The grids of the suites, and which run folders count as finished.
-#include "eval/experiments/suite.h"
-#include "eval/report/table.h"
-
+// The grids of the suites, which run folders count as finished, runs with several seeds, and what a suite writes.
 #include <gtest/gtest.h>
-
 #include <cmath>
 #include <fstream>
 
+#include "apps/gsapp/train/seeds.h"
+#include "apps/gsapp/train/train_run.h"
+#include "eval/experiments/suite.h"
+#include "eval/report/table.h"
 #include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"
@@ -136,6 +136,111 @@ TEST_F(SuiteCells, TableAndJsonNameEveryCell) {
                              "\"status\": \"not trained\"", "\"bytes\": 10"})
         EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
     EXPECT_TRUE(std::filesystem::exists(tmp_.path() / "suite.md"));
+}
+
+// A suite whose cells nobody trains: what is written, and when.
+
+class SuiteRunTest : public ::testing::Test {
+  protected:
+    SuiteRunTest() {
+        base_.source = "builtin:diffuse", base_.iterations = 20, base_.model = (tmp_.path() / "out").string();
+    }
+
+    std::string table() const {
+        std::ifstream file(tmp_.path() / "out" / "suite.md");
+        return {std::istreambuf_iterator<char>(file), {}};
+    }
+    test::TemporaryFolder tmp_;
+    TrainOptions base_;
+};
+
+TEST_F(SuiteRunTest, WritesTheTableAfterEveryCell) {
+    std::vector<std::string> tables;
+    const auto trainer = [&](const std::vector<Cell>& cells, const CellHooks& hooks) {
+        EXPECT_EQ(cells.size(), 4u);
+        EXPECT_EQ(cells[0].name, "MCMC, sh");
+        tables.push_back(table());
+        hooks.done(1, {.result = CellResult{.psnr = 21, .num_gaussians = 5}});
+        tables.push_back(table());
+        hooks.done(0, {.error = "out of memory", .code = ExitCode::kDevice});
+        return CellsSummary{.num_failed = 1, .first_code = ExitCode::kDevice};
+    };
+    const SuiteRun done = run_suite("densification", {"sh"}, base_, trainer);
+    EXPECT_EQ(done.folder, tmp_.path() / "out");
+    EXPECT_EQ(done.summary.num_failed, 1);
+    EXPECT_EQ(done.lines[0].error, "out of memory");
+    EXPECT_EQ(done.lines[1].result->psnr, 21);
+    EXPECT_FALSE(done.lines[2].result);
+    ASSERT_EQ(tables.size(), 2u);
+    EXPECT_EQ(tables[0].find("21.00"), std::string::npos);
+    EXPECT_NE(tables[1].find("| MCMC 0.1x | sh         | 21.00 |"), std::string::npos) << tables[1];
+    EXPECT_EQ(table(), format_suite(done.lines));
+}
+
+TEST_F(SuiteRunTest, MistakesComeBeforeAnyFile) {
+    const auto untouched = [](const std::vector<Cell>&, const CellHooks&) -> CellsSummary {
+        throw std::logic_error("nothing was to be trained");
+    };
+    EXPECT_THROW(run_suite("everything", {"sh"}, base_, untouched), UsageError);
+    EXPECT_THROW(run_suite("densification", {}, base_, untouched), UsageError);
+    base_.resume = "latest";
+    EXPECT_THROW(run_suite("densification", {"sh"}, base_, untouched), UsageError);
+    EXPECT_FALSE(std::filesystem::exists(tmp_.path() / "out"));
+}
+
+// Runs with several seeds: which are trained, and in which folders; and the folder of a run that names none.
+
+TrainOptions seeded_options() {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    o.model = "out/run";
+    o.seed = 5;
+    o.eval = true;
+    return o;
+}
+
+TEST(Seeds, EachRunHasItsSeedAndItsFolder) {
+    std::vector<std::pair<std::uint64_t, std::string>> trained;
+    const auto rows = train_seeds(seeded_options(), 3, [&](const TrainOptions& options) -> std::optional<TableRow> {
+        trained.push_back({options.seed, options.model});
+        if (options.seed == 6) return std::nullopt;  // nothing was scored
+        TableRow row;
+        row.psnr = double(options.seed);
+        return row;
+    });
+    EXPECT_EQ(trained, (std::vector<std::pair<std::uint64_t, std::string>>{
+                           {5, "out/run-0"}, {6, "out/run-1"}, {7, "out/run-2"}}));
+    ASSERT_EQ(rows.size(), 2u);
+    EXPECT_EQ(rows[1].psnr, 7);
+}
+
+TEST(Seeds, MistakesComeBeforeAnyTraining) {
+    const auto untouched = [](const TrainOptions&) -> std::optional<TableRow> {
+        throw std::logic_error("nothing was to be trained");
+    };
+    TrainOptions resumed = seeded_options(), chosen = seeded_options(), unscored = seeded_options();
+    resumed.resume = "latest", chosen.appearance = kAutoAppearance, unscored.eval = false;
+    for (const TrainOptions& options : {resumed, chosen, unscored})
+        EXPECT_THROW(train_seeds(options, 2, untouched), UsageError);
+}
+
+TEST(FreeRunFolder, IsTheFirstNumberThatIsNotTaken) {
+    const test::TemporaryFolder tmp;
+    const auto name = [&](const std::string& last) { return (tmp.path() / last).string(); };
+    EXPECT_EQ(free_run_folder(tmp.path(), seeded_options()), name("diffuse-sh-1"));
+    std::filesystem::create_directory(name("diffuse-sh-1"));
+    std::filesystem::create_directory(name("diffuse-sh-2-0"));
+    EXPECT_EQ(free_run_folder(tmp.path(), seeded_options()), name("diffuse-sh-2"));
+    EXPECT_EQ(free_run_folder(tmp.path(), seeded_options(), "-0"), name("diffuse-sh-1"));
+}
+
+TEST(LogLevel, QuietBeatsVerbose) {
+    TrainOptions options;
+    EXPECT_EQ(shown_messages(options), LogLevel::kInfo);
+    options.verbose = true;
+    EXPECT_EQ(shown_messages(options), LogLevel::kDebug);
+    options.quiet = true;
+    EXPECT_EQ(shown_messages(options), LogLevel::kWarn);
 }
 
 }  // namespace

@@ -3,19 +3,23 @@
 #include "eval/runs/evaluate.h"
 
 #include <gtest/gtest.h>
-
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "eval/report/table.h"
+#include "eval/runs/bench_subject.h"
+#include "eval/runs/evaluate_run.h"
 #include "eval/runs/protocol.h"
 #include "eval/runs/results.h"
+#include "eval/runs/training_evaluation.h"
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/fake_engine.h"
+#include "tests/eval/support/tiny_run.h"
 
 namespace gs {
 namespace {
@@ -232,6 +236,132 @@ TEST(Table, ComesFromStoredFilesAlone) {
     EXPECT_EQ(row.protocol, protocol_line(w.options.protocol, {0, 0, 0}));
     EXPECT_THROW(read_table_row(w.folder.path(), 5), DataError);
     EXPECT_THROW(read_table_row(w.folder.path() / "nowhere", std::nullopt), DataError);
+}
+
+// Scores, frame times and measurements of a finished run.
+
+nlohmann::json results(const std::filesystem::path& folder) { return parse_json(read_input(folder / "results.json")); }
+
+TEST(EvaluateRun, WritesScoresAndFrameTimes) {
+    const test::TinyRun saved;
+    SavedRun run = open_saved_run(saved.path(), std::nullopt);
+    EvalOptions options;
+    options.run_folder = saved.path();
+    options.iteration = run.iteration;
+    const EvalResult result = evaluate_run(run, options, 1, saved.path());
+    const auto json = results(saved.path());
+    EXPECT_EQ(json["ours_100"]["PSNR"], result.psnr);
+    EXPECT_GT(json["timing"]["ours_100"]["frame_seconds"].get<double>(), 0);
+    EXPECT_EQ(json["num_gaussians"]["ours_100"], 1);
+}
+
+TEST(EvaluateRun, ResultsOfAnotherSceneLieApart) {
+    EXPECT_EQ(results_folder("run", ""), "run");
+    EXPECT_EQ(results_folder("run", "builtin:glossy"), "run/on-glossy");
+}
+
+TEST(RunFrameTimes, AreAddedToTheResults) {
+    const test::TinyRun saved;
+    const FrameTimesLine line = time_run_frames(saved.path(), std::nullopt, {.device = Device::kCpu}, 1);
+    EXPECT_EQ(line.run, saved.path());
+    EXPECT_EQ(line.scene, "diffuse");
+    EXPECT_EQ(line.num_gaussians, 1);
+    EXPECT_EQ(line.times.num_views, 8) << "the test views";
+    EXPECT_EQ(results(saved.path())["frame_times"]["ours_100"]["mean_seconds"], line.times.mean);
+    EXPECT_THROW(time_run_frames(saved.path(), 7, {.device = Device::kCpu}, 1), DataError);
+}
+
+TEST(BenchSubject, IsTheTrainedModelWhereThereIsOne) {
+    const test::TinyRun saved(test::one_sh_gaussian(0.1f));
+    const BenchSubject subject = bench_subject(saved.options, std::nullopt);
+    EXPECT_EQ(subject.name, "builtin:diffuse, " + saved.options.model + " at iteration 100");
+    EXPECT_EQ(subject.model.count, 1);
+    EXPECT_EQ(subject.model.active_degree, 1) << "all degrees";
+    EXPECT_FALSE(subject.scene.train.empty());
+    EXPECT_THROW(bench_subject(saved.options, 7), DataError);
+}
+
+TEST(BenchSubject, IsTheInitialPointsElsewhere) {
+    const test::TinyRun saved;
+    TrainOptions options = saved.options;
+    options.model.clear();
+    const BenchSubject subject = bench_subject(options, std::nullopt);
+    EXPECT_EQ(subject.name, "builtin:diffuse, initial points");
+    EXPECT_GT(subject.model.count, 1);
+    EXPECT_THROW(bench_subject(options, 100), UsageError) << "there is no model whose iteration could be meant";
+}
+
+// What is written during and after a training.
+
+class TimedEngine : public test::FakeEngine {
+  public:
+    std::optional<double> time_frames(const std::vector<RenderRequest>&, int repeats) override {
+        return 0.01 * repeats;
+    }
+};
+
+class TrainingEvaluationTest : public ::testing::Test {
+  protected:
+    TrainingEvaluationTest() {
+        options_.source = "builtin:diffuse";
+        options_.iterations = 20;
+        options_.model = tmp_.path().string();
+        View view;
+        view.name = "a.png";
+        view.camera.width = 16, view.camera.height = 12;
+        view.load = [] {
+            return ViewImage{Image{16, 12, 3, std::vector<std::uint8_t>(16 * 12 * 3, 51), {}}, std::nullopt};
+        };
+        scene_.test.push_back(view);
+    }
+    nlohmann::json results() const { return parse_json(read_input(tmp_.path() / "results.json")); }
+    test::TemporaryFolder tmp_;
+    TrainOptions options_;
+    Scene scene_;
+    std::ostringstream bar_, lines_;
+    Progress progress_{ProgressStyle::kJsonLines, bar_, lines_, 0};
+    test::BackendOf<TimedEngine> backend_;
+};
+
+TEST_F(TrainingEvaluationTest, KeepsOnlyScoresOfIntermediateIterations) {
+    TrainingEvaluation evaluation(options_, scene_, progress_, 3);
+    const auto scores = evaluation(10, backend_, false);
+    ASSERT_TRUE(scores);
+    EXPECT_EQ(scores->views, scene_.test.size());
+    EXPECT_EQ(results()["ours_10"]["PSNR"], scores->psnr);
+    EXPECT_EQ(results()["ours_10"]["SSIM"], scores->ssim);
+    EXPECT_EQ(evaluation.iteration(), 10);
+    EXPECT_TRUE(results()["ours_10"].contains("PSNR"));
+    EXPECT_FALSE(results()["timing"]["ours_10"].contains("frame_seconds"));
+    EXPECT_FALSE(std::filesystem::exists(tmp_.path() / "comparison.png"));
+    EXPECT_FALSE(std::filesystem::exists(tmp_.path() / "test"));
+    EXPECT_NE(lines_.str().find("\"event\":\"evaluation\",\"iteration\":10"), std::string::npos) << lines_.str();
+}
+
+TEST_F(TrainingEvaluationTest, AddsPicturesAndTimesOfTheTrainedModel) {
+    TrainingEvaluation evaluation(options_, scene_, progress_, 3);
+    evaluation(20, backend_, true);
+    evaluation.finish(
+        {.iterations = 20, .num_gaussians = 7, .train_seconds = 4, .memory = {}, .photometric = "on: made up"});
+    EXPECT_TRUE(std::filesystem::exists(tmp_.path() / "comparison.png"));
+    EXPECT_TRUE(std::filesystem::exists(tmp_.path() / "test" / "ours_20" / "renders" / "00000.png"));
+    const auto json = results();
+    EXPECT_EQ(json["timing"]["ours_20"]["train_seconds"], 4);
+    EXPECT_TRUE(json["timing"]["ours_20"].contains("frame_seconds"));
+    EXPECT_EQ(json["photometric"]["ours_20"]["decision"], "on: made up");
+    EXPECT_EQ(json["num_gaussians"]["ours_20"], 7);
+}
+
+TEST_F(TrainingEvaluationTest, TheTimeOfAPartIsNotThatOfTheRun) {
+    TrainingEvaluation evaluation(options_, scene_, progress_, 0);
+    evaluation(20, backend_, true);
+    evaluation.finish({.iterations = 20,
+                       .num_gaussians = 7,
+                       .train_seconds = 4,
+                       .memory = {},
+                       .photometric = "",
+                       .whole_time = false});
+    EXPECT_FALSE(results()["timing"]["ours_20"].contains("train_seconds"));
 }
 
 }  // namespace

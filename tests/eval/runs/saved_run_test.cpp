@@ -2,25 +2,34 @@
 // Opening a run folder again, from its PLY and from its checkpoint.
 #include "eval/runs/saved_run.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <functional>
 
 #include "appearance/model_info.h"
+#include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/core/options.h"
+#include "lib/core/run_config.h"
 #include "lib/export/ngsplat.h"
 #include "lib/export/pack_scene.h"
+#include "lib/io/atomic_file.h"
+#include "lib/model/cameras_json.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
+#include "lib/train/scene_options.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/tiny_run.h"
 #include "tests/kernels/backends.h"
 #include "tests/model/model_helpers.h"
+#include "tests/scene/scene_fixture.h"
 
 namespace gs {
 namespace {
 
 using test::one_gaussian;
+using test::TempFolder;
 
 struct RunOnDisk {
     test::TemporaryFolder folder;
@@ -129,6 +138,117 @@ TEST(SavedRun, FactsHaveTheBytesOfAGaussianInFiles) {
         }
         EXPECT_EQ(facts.bytes_per_gaussian, 12 + 4 * model->residual_width(spec.max_degree)) << model->name;
     }
+}
+
+// Differences between a run's scene and another one are named, and rounding is none.
+
+/// A scene far from the origin, as from a map, and a run on it.
+struct TrainedScene {
+    TempFolder folder;
+    TrainOptions options;
+    Scene scene;
+
+    TrainedScene() {
+        std::vector<std::string> names;
+        for (int i = 0; i < 9; ++i) names.push_back(fmt::format("im{}.png", i));
+        std::vector<test::TestImage> images = test::row_of_images(names);
+        for (test::TestImage& image : images) image.pose[4] += 512345.678901;
+        test::write_model(folder / "scene/sparse/0", {test::TestCamera{}}, images, {{1, -512345, 0, 0, 1, 2, 3, 2}});
+        for (const std::string& name : names) test::write_png(folder / ("scene/images/" + name));
+        options.source = (folder / "scene").string();
+        options.model = (folder / "run").string();
+        options.eval = true;
+        scene = load_scene(scene_options(options));
+        write_text_atomic(folder / "run/config.yaml", run_config(options));
+        write_cameras_json(folder / "run/cameras.json", scene);
+    }
+    std::string difference(const TrainOptions& now) const {
+        return difference_to_scene(options.model, now, load_scene(scene_options(now)));
+    }
+    /// Returns what is said of the scene after a change.
+    std::string after(const std::function<void(Scene&)>& change) const {
+        Scene changed = scene;
+        change(changed);
+        return difference_to_scene(options.model, options, changed);
+    }
+};
+
+TEST(RunScene, IsTheSameInAnotherFrameAndOfAnotherSize) {
+    const TrainedScene trained;
+    EXPECT_EQ(trained.difference(trained.options), "");
+    SceneOptions choices = scene_options(trained.options);
+    choices.frame = Frame{{-512000, 3, 4}, 0.25};
+    EXPECT_EQ(difference_to_scene(trained.options.model, trained.options, load_scene(choices)), "");
+    TrainOptions other = trained.options;
+    other.resolution = 2;
+    EXPECT_EQ(trained.difference(other), "") << "the size is an option of the call";
+    other = trained.options, other.eval = false;
+    EXPECT_EQ(trained.difference(other), "") << "so is the split";
+}
+
+TEST(RunScene, IsTheSameAsRoundedTextUnderAnotherName) {
+    const TrainedScene trained;
+    TempFolder folder;
+    std::string images;
+    int id = 0;
+    for (const auto* views : {&trained.scene.train, &trained.scene.test})
+        for (const View& view : *views) {
+            const int number = view.name[2] - '0';
+            images += fmt::format("{} 1 0 0 0 {:.9g} 0 4 1 {}\n\n", ++id, 0.1 * number + 512345.678901, view.name);
+        }
+    test::spit(folder / "text/sparse/0/images.txt", images);
+    test::spit(folder / "text/sparse/0/cameras.txt", "1 PINHOLE 16 12 20.0001 20 8 6\n");
+    test::spit(folder / "text/sparse/0/points3D.txt", "1 -512345 0 0 1 2 3 0.5\n");
+    for (const auto* views : {&trained.scene.train, &trained.scene.test})
+        for (const View& view : *views) test::write_png(folder / ("text/images/" + view.name));
+    TrainOptions other = trained.options;
+    other.source = (folder / "text").string();
+    EXPECT_EQ(trained.difference(other), "");
+}
+
+TEST(RunScene, DifferencesAreNamedWithTheFirstImageThatHasThem) {
+    const TrainedScene trained;
+    EXPECT_EQ(trained.after([](Scene& s) { s.train.pop_back(); }),
+              "it has 8 images, and the run has 9; 'im7.png' is missing");
+    EXPECT_EQ(trained.after([](Scene& s) { s.train.push_back(s.train[0]), s.train.back().name = "new.png"; }),
+              "it has 10 images, and the run has 9; 'new.png' is not of the run");
+    EXPECT_EQ(trained.after([](Scene& s) { s.train[0].name = "new.png"; }),
+              "it has other images; 'im1.png' is missing; 'new.png' is not of the run");
+    EXPECT_EQ(trained.after([](Scene& s) { s.test.push_back(s.train.back()), s.train.pop_back(); }),
+              "'im7.png' is a test view, and a training view of the run");
+    EXPECT_EQ(trained.after([](Scene& s) { s.train[1].camera.width = 8; }),
+              "'im2.png' has 8x12 pixels, and 16x12 in the run");
+    EXPECT_EQ(trained.after([](Scene& s) { s.train[1].camera.fx *= 1.01; }),
+              "the camera of 'im2.png' has focal lengths of 20.2 and 20 pixels, and 20 and 20 in the run");
+    EXPECT_EQ(trained.after([](Scene& s) { s.train[1].camera.cy += 0.5; }),
+              "the camera of 'im2.png' has its principal point at (8, 6.5), and at (8, 6) in the run");
+    EXPECT_EQ(trained.after([](Scene& s) {
+        s.train[1].camera.rotation = Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitY()) * s.train[1].camera.rotation;
+    }),
+              "the camera of 'im2.png' looks in another direction than in the run");
+}
+
+TEST(RunScene, ACameraThatMovedIsAnother) {
+    TrainedScene trained;
+    for (auto* views : {&trained.scene.train, &trained.scene.test})  // to where a step is larger than rounding
+        for (View& view : *views) view.camera.translation.x() *= 0.01;
+    trained.scene.frame = {};
+    write_cameras_json(trained.folder / "run/cameras.json", trained.scene);
+    const std::string text = trained.after([](Scene& s) { s.train[1].camera.translation.z() += 0.25; });
+    EXPECT_EQ(text, "the camera of 'im2.png' stands 0.25 units from where it stands in the run");
+}
+
+TEST(RunScene, CamerasOfARunComeBackExactly) {
+    const TrainedScene trained;
+    const std::vector<ListedView> views = read_cameras_json(trained.folder / "run/cameras.json");
+    ASSERT_EQ(views.size(), 9u);
+    EXPECT_EQ(views[0].name, "im0.png");
+    EXPECT_TRUE(views[0].is_test && views[1].is_test && !views[2].is_test);
+    EXPECT_EQ(views[1].camera.cx, trained.scene.test[1].camera.cx);
+    test::spit(trained.folder / "run/cameras.json", R"([{"split": "test", "img_name": 3}])");
+    EXPECT_THROW(read_cameras_json(trained.folder / "run/cameras.json"), DataError);
+    test::spit(trained.folder / "run/cameras.json", R"([{"id": 0, "img_name": "a", "width": 3}])");
+    EXPECT_TRUE(read_cameras_json(trained.folder / "run/cameras.json").empty()) << "of an older version";
 }
 
 }  // namespace
