@@ -22,6 +22,8 @@ def start(program, folder, *axes):
         "builtin:diffuse",
         "-r",
         "8",
+        "--init-points",
+        "500",
         "--iterations",
         "300",
         "--device",

@@ -14,7 +14,22 @@ import sys
 import tempfile
 import time
 
-SCENE = ["-s", "builtin:diffuse", "-r", "8", "--device", "cpu", "--threads", "1", "--cap-max", "3000", "--seed", "3"]
+SCENE = [
+    "-s",
+    "builtin:diffuse",
+    "-r",
+    "8",
+    "--device",
+    "cpu",
+    "--threads",
+    "1",
+    "--init-points",
+    "800",
+    "--cap-max",
+    "1500",
+    "--seed",
+    "3",
+]
 ENDLESS = ["--iterations", "1000000", "--checkpoint-iterations", "100"]
 
 

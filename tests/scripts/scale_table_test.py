@@ -33,9 +33,9 @@ with tempfile.TemporaryDirectory() as folder:
                 "--device",
                 "cpu",
                 "--init-points",
-                "3000",
+                "500",
                 "--cap-max",
-                "6000",
+                "1000",
             ]
         ).returncode
 sys.exit(failed)

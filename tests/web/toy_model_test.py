@@ -32,8 +32,10 @@ TRAIN = [
     "toy",
     "--toy-lr",
     "0.002",
+    "--init-points",
+    "500",
     "--cap-max",
-    "5000",
+    "800",
     "--iterations",
     "1300",
 ]

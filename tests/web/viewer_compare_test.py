@@ -14,7 +14,20 @@ import tempfile
 from browser import Browser, find_chromium, check, check_accessible
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
-SCENE = ["-s", "builtin:glossy", "--eval", "--device", "cpu", "--quiet", "--cap-max", "3000", "--iterations", "200"]
+SCENE = [
+    "-s",
+    "builtin:glossy",
+    "--eval",
+    "--device",
+    "cpu",
+    "--quiet",
+    "--init-points",
+    "500",
+    "--cap-max",
+    "800",
+    "--iterations",
+    "400",
+]
 WIDTH, HEIGHT = 160, 120  # of a test view
 VIEW = 3
 TAB, LEFT, RIGHT, END, HOME, PAGE_DOWN = (

@@ -16,14 +16,13 @@ import tempfile
 from browser import Browser, find_chromium, check
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
-# Lego begins with random points: with 100,000 of them, the default, training takes twice as long.
 TRAINING = [
     "--iterations",
     "300",
     "--init-points",
-    "40000",
-    "--cap-max",
     "20000",
+    "--cap-max",
+    "14000",
     "--device",
     "cpu",
     "--eval",

@@ -131,7 +131,7 @@ class Downloads:
         self.folder = folder
         browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
 
-    def take(self, what, seconds=30):
+    def take(self, what, seconds=120):
         """The next file, whole."""
         deadline = time.monotonic() + seconds
         while True:
