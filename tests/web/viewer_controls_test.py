@@ -533,7 +533,10 @@ def check_focus(browser, site):
     wait_for(browser, "!location.hash.includes('&to=0,0,0&')", "it turns")
     before = None
     while before != (before := pose(browser)):  # until it has come to rest
-        time.sleep(0.5)
+        browser.evaluate(  # a busy machine may draw nothing for a second
+            "new Promise((done, _, left = 20) => requestAnimationFrame(function next() {"
+            " left-- ? requestAnimationFrame(next) : done(); }))"
+        )
     at, to = before
     check(
         at == [0, 0, -4] and abs(math.hypot(*to) - 1) < 0.15,
@@ -730,8 +733,8 @@ def record_films(browser, site, downloads, seconds):
 
 
 # Width, height, seconds and the number of different pictures of a film. It stops at each, lest a busy machine leaves
-# some out.
-PLAY = """new Promise((resolve, reject) => {
+# some out. If it does not open, what the browser says of it.
+PLAY = """new Promise(resolve => {
     const video = document.querySelector('video'), context = new OffscreenCanvas(64, 64).getContext('2d', { willReadFrequently: true }), pictures = new Set();
     const look = () => {
         video.pause();
@@ -741,7 +744,7 @@ PLAY = """new Promise((resolve, reject) => {
         if (!video.ended) video.play().catch(() => undefined); // which the next pause refuses
     };
     video.requestVideoFrameCallback(look);
-    video.onerror = () => reject(video.error);
+    video.onerror = () => resolve([video.error.message]);
     video.onended = () => resolve([video.videoWidth, video.videoHeight, video.currentTime, pictures.size]);
     video.src = '%s.webm?%d';
     video.play().catch(() => undefined);
@@ -757,8 +760,12 @@ def check_recording(browser, site, downloads):
         enough = True
         for button, (film, took) in films.items():
             (site.folder / f"{button}.webm").write_bytes(film)
-            width, height, length, pictures = seen = browser.evaluate(PLAY % (button, seconds))
+            seen = browser.evaluate(PLAY % (button, seconds))
             print(f"{button} of {seconds} s: {seen}, recorded in {took:.1f} s", flush=True)
+            if len(seen) == 1:  # nothing was drawn while it was recorded: a film without pictures does not open
+                enough = False
+                continue
+            width, height, length, pictures = seen
             check(
                 abs(width - size[0]) <= 1 and abs(height - size[1]) <= 1 and length < took + 1,
                 f"{button}: it plays: {seen}, canvas {size}, recorded in {took:.1f} s",
