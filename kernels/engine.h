@@ -38,20 +38,16 @@ class DeviceModel {
 
     /// Replaces the whole model. Moments that `state` lacks become 0.
     virtual void upload(const Gaussians& state) = 0;
-    virtual Gaussians download(bool with_moments) = 0;
+    virtual Gaussians download(Download what) = 0;
     virtual RowCounts counts() const = 0;
     virtual void set_active_degree(int degree) = 0;
     /// Replaces PPISP and leaves the Gaussians unchanged.
     virtual void upload_ppisp(const PpispState& state) = 0;
-    virtual PpispState download_ppisp(bool with_moments) = 0;
-    /// Returns the base colours of all rows, (n,3), before their activation.
-    virtual std::vector<float> download_bases() = 0;
 
     virtual DensifyStats densify(const DensifyRequest& request) = 0;
     virtual PruneStats prune(const PruneRequest& request) = 0;
     /// Does what Backend::keep_residuals says.
     virtual void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) = 0;
-    virtual void morton_sort() = 0;
 
   protected:
     ~DeviceModel() = default;

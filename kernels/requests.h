@@ -105,6 +105,14 @@ struct StepStats {
     std::int64_t consecutive_skips = 0;  ///< steps in a row skipped because the loss was not finite
 };
 
+/// What is copied of a model.
+enum class Download {
+    kAll,         ///< with Adam moments and statistics
+    kParameters,  ///< of Gaussians, shared weights and PPISP
+    kBases,       ///< the raw base colours alone
+    kPpisp,       ///< PPISP alone, with its moments
+};
+
 /// The memory that a backend holds on its device.
 struct MemoryUse {
     struct Row {
@@ -154,9 +162,12 @@ struct AdcParams {
 /// Lowers opacities for ADC: raw opacity <- min(raw, logit 0.01). The moments of the opacity group become 0.
 struct OpacityReset {};
 
-/// One densification by the rule of a strategy.
+/// Sorts all rows by the Morton code of the mean (docs/math/densification.md#morton-order).
+struct MortonOrder {};
+
+/// One change of the set of Gaussians by the rule of a strategy, or of their order.
 struct DensifyRequest {
-    std::variant<McmcParams, AdcParams, OpacityReset> rule;
+    std::variant<McmcParams, AdcParams, OpacityReset, MortonOrder> rule;
     std::int64_t iteration = 0;
     std::uint64_t seed = 0;
 };

@@ -37,15 +37,20 @@ template <class Model> class CpuEngine : public Engine {
         state_.shared.v.resize(state_.shared.param.size(), 0.0f);
         allocate_moments(state_.ppisp);
     }
-    Gaussians download(bool with_moments) override {
-        if (with_moments) return state_;
+    Gaussians download(Download what) override {
+        if (what == Download::kAll) return state_;
         Gaussians out;
         out.count = state_.count, out.appearance = state_.appearance, out.active_degree = state_.active_degree,
         out.step = state_.step;
-        for (int g = 0; g < kNumGroups; ++g)
-            out.groups[g].width = state_.groups[g].width, out.groups[g].param = state_.groups[g].param;
+        if (what == Download::kPpisp) return out.ppisp = state_.ppisp, out;
+        for (int g = 0; g < kNumGroups; ++g) {
+            out.groups[g].width = state_.groups[g].width;
+            if (what == Download::kParameters || g == int(Group::kBase)) out.groups[g].param = state_.groups[g].param;
+        }
+        if (what == Download::kBases) return out;
         out.shared.width = state_.shared.width, out.shared.param = state_.shared.param;
-        out.ppisp = download_ppisp(false);
+        out.ppisp = state_.ppisp;
+        drop_moments(out.ppisp);
         return out;
     }
     RowCounts counts() const override { return {state_.count, state_.num_residuals()}; }
@@ -54,13 +59,6 @@ template <class Model> class CpuEngine : public Engine {
         state_.ppisp = state;
         allocate_moments(state_.ppisp);
     }
-
-    PpispState download_ppisp(bool with_moments) override {
-        PpispState out = state_.ppisp;
-        if (!with_moments) drop_moments(out);
-        return out;
-    }
-    std::vector<float> download_bases() override { return state_[Group::kBase].param; }
 
     void render(const RenderRequest& request, const SplatParts* splats, RenderedImage& out) override {
         const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
@@ -116,7 +114,10 @@ template <class Model> class CpuEngine : public Engine {
         if (const auto* mcmc = std::get_if<McmcParams>(&r.rule))
             return mcmc_densify(state_, *mcmc, r.iteration, r.seed);
         if (const auto* adc = std::get_if<AdcParams>(&r.rule)) return adc_densify(state_, *adc, r.iteration, r.seed);
-        adc_reset_opacity(state_);
+        if (std::holds_alternative<MortonOrder>(r.rule))
+            gather_rows(state_, morton_order(state_));
+        else
+            adc_reset_opacity(state_);
         return {.count = state_.count};
     }
     void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override {
@@ -134,7 +135,6 @@ template <class Model> class CpuEngine : public Engine {
             stats.removed = remove_invisible(state_);
         return stats;
     }
-    void morton_sort() override { gather_rows(state_, morton_order(state_)); }
 
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool) override {
         projection_ = {camera, mode};

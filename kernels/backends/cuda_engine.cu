@@ -168,12 +168,20 @@ void CudaEngine::upload(const Gaussians& state) {
     GS_CUDA(cudaDeviceSynchronize());
 }
 
-Gaussians CudaEngine::download(bool with_moments) {
+Gaussians CudaEngine::download(Download what) {
     if (model_.broken) throw DeviceError("the model was lost when memory ran out while its rows were moved");
-    settle();
+    const bool with_moments = what == Download::kAll;
+    if (with_moments || what == Download::kParameters)
+        settle();
+    else
+        synchronize();
     GS_CUDA(cudaStreamSynchronize(stream_));
     Gaussians out = meta_;
     out.count = model_.count;
+    if (what == Download::kBases)
+        return out[Group::kBase].param = model_.param[int(Group::kBase)].download(3 * model_.count), out;
+    out.ppisp = ppisp_.download(with_moments || what == Download::kPpisp);
+    if (what == Download::kPpisp) return out;
     for (int g = 0; g < kNumGroups; ++g) {
         const std::size_t n = model_.floats(g);
         out.groups[g].param = model_.param[g].download(n);
@@ -187,7 +195,6 @@ Gaussians CudaEngine::download(bool with_moments) {
     const std::size_t shared = std::size_t(kernels_.shared.count);
     out.shared.param = model_.shared_param.download(shared);
     if (with_moments) out.shared.m = model_.shared_m.download(shared), out.shared.v = model_.shared_v.download(shared);
-    out.ppisp = ppisp_.download(with_moments);
     if (with_moments && model_.has_statistic) {
         out.gradient_sum = model_.gradient_sum.download(model_.count);
         out.gradient_count = model_.gradient_count.download(model_.count);
@@ -513,12 +520,6 @@ void CudaEngine::step(const StepRequest& r) {
     times_.add();
 }
 
-PpispState CudaEngine::download_ppisp(bool with_moments) {
-    synchronize();
-    GS_CUDA(cudaStreamSynchronize(stream_));
-    return ppisp_.download(with_moments);
-}
-
 void CudaEngine::distill(const StepRequest& r, const SplatParts* splats) {
     check_distillation(ppisp_.host(), r.isp);
     if (splats) return distill_splats(*splats, r);
@@ -740,7 +741,10 @@ DensifyStats CudaEngine::densify(const DensifyRequest& r) {
     return change_rows([&](CudaDensify& d) {
         if (const auto* mcmc = std::get_if<McmcParams>(&r.rule)) return d.mcmc(*mcmc, r.iteration, meta_.step, r.seed);
         if (const auto* adc = std::get_if<AdcParams>(&r.rule)) return d.adc(*adc, r.iteration, r.seed);
-        d.reset_opacity();
+        if (std::holds_alternative<MortonOrder>(r.rule))
+            d.morton_sort();
+        else
+            d.reset_opacity();
         return DensifyStats{.count = model_.count};
     });
 }
@@ -761,10 +765,6 @@ TargetImage CudaEngine::enqueue_error(const StepRequest& r, double* error) {
     if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
     write_error({corrected ? ppisp_.corrected() : image_, target, r.background, 0, 0}, dL_dimage_, error, stream_);
     return target;
-}
-std::vector<float> CudaEngine::download_bases() {
-    synchronize();
-    return model_.param[int(Group::kBase)].download(3 * model_.count);
 }
 std::optional<ResidualScores> CudaEngine::residual_scores(std::size_t num_views, const StepSource& step_on) {
     settle();
@@ -791,7 +791,8 @@ std::optional<ResidualScores> CudaEngine::residual_scores(std::size_t num_views,
         scores.add(params(), binning_.input().counts, splats_, sums_);
         GS_CUDA(cudaStreamSynchronize(stream_));  // the next image may take this one's place
     }
-    return residual_scores_of(scores.download(), meta_.appearance.activation, download_bases());
+    return residual_scores_of(scores.download(), meta_.appearance.activation,
+                              download(Download::kBases)[Group::kBase].param);
 }
 void CudaEngine::keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
     settle();
@@ -821,9 +822,6 @@ PruneStats CudaEngine::prune(const PruneRequest& request) {
         model_.shrink_rows();
     }
     return stats;
-}
-void CudaEngine::morton_sort() {
-    change_rows([](CudaDensify& d) { return d.morton_sort(), 0; });
 }
 
 std::unique_ptr<Engine> make_cuda_engine(const ModelKernels& kernels, const BackendOptions& options) {

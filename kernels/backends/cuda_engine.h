@@ -43,16 +43,13 @@ class CudaEngine final : public Engine {
     MemoryUse memory() override;
     void synchronize() override;
     void upload(const Gaussians& state) override;
-    Gaussians download(bool with_moments) override;
+    Gaussians download(Download what) override;
     RowCounts counts() const override { return {model_.count, model_.num_residuals()}; }
     void set_active_degree(int degree) override;
     void upload_ppisp(const PpispState& state) override;
-    PpispState download_ppisp(bool with_moments) override;
-    std::vector<float> download_bases() override;
     DensifyStats densify(const DensifyRequest& request) override;
     PruneStats prune(const PruneRequest& request) override;
     void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override;
-    void morton_sort() override;
 
     // views and steps of the engine's own Gaussians
     void render(const RenderRequest& request, const SplatParts* splats, RenderedImage& out) override;

@@ -12,6 +12,7 @@
 #include "kernels/densify/densify.h"
 #include "kernels/densify/mcmc_device.h"
 #include "kernels/densify/residual_handles.h"
+#include "kernels/ppisp/ppisp.h"
 #include "kernels/ranks/message.h"
 
 namespace gs {
@@ -168,7 +169,9 @@ void Backend::upload_ppisp(const PpispState& state) { on_all<&Shard::upload_ppis
 
 PpispState Backend::download_ppisp() {
     finish_steps();
-    return engine_->download_ppisp(false);
+    PpispState state = engine_->download(Download::kPpisp).ppisp;
+    drop_moments(state);
+    return state;
 }
 
 // --- views ----------------------------------------------------------------------------------------------------------

@@ -310,7 +310,7 @@ void Shard::count_rows() {
 
 void Shard::download(bool with_moments, Gaussians* whole) {
     std::vector<Gaussians> parts(received_.size());
-    parts[0] = engine_.download(with_moments);
+    parts[0] = engine_.download(with_moments ? Download::kAll : Download::kParameters);
     if (parts.size() == 1) {
         *whole = std::move(parts[0]);
         return;
@@ -478,7 +478,7 @@ void Shard::begin_shared() {
 }
 
 void Shard::update_ppisp(const std::vector<StepRequest>& views, bool taken) {
-    PpispState state = engine_.download_ppisp(true);  // it is small: the host takes its step
+    PpispState state = engine_.download(Download::kPpisp).ppisp;  // it is small: the host takes its step
     const auto learns = [&](const StepRequest& r) { return is_corrected(state, r.isp) && r.isp_rate > 0; };
     if (std::none_of(views.begin(), views.end(), learns)) return;
     state.step += std::int64_t(views.size());
@@ -561,7 +561,7 @@ ResidualScores Shard::residual_scores(std::uint64_t num_views, const StepSource*
         if (auto of_engine = engine_.residual_scores(num_views, *step_on)) return std::move(*of_engine);
     std::vector<ResidualSums> totals(std::size_t(engine_.counts().num_residuals), ResidualSums{});
     SumsOfViews<ResidualSplatSums> sums;
-    const std::vector<float> bases = engine_.download_bases();
+    const std::vector<float> bases = engine_.download(Download::kBases)[Group::kBase].param;
     const std::vector<Vec3<float>> colors = shown_bases(bases, activation_);
     for (std::size_t first = 0; first < num_views; first += std::size_t(ranks_.size())) {
         std::vector<StepRequest> some = next_steps(first, num_views, step_on);

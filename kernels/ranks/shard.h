@@ -123,7 +123,7 @@ class Shard {
     PruneStats prune_invisible() { return prune(InvisibleRows{}); }
     /// Keeps the rows with a mark (0 or 1, one per row of the whole model).
     void keep_rows(const std::vector<std::uint8_t>* marks);
-    void morton_sort() { engine_.morton_sort(); }
+    void morton_sort() { engine_.densify({.rule = MortonOrder{}}); }
     /// Returns the reports of all ranks, by rank.
     std::vector<RankReport> take_reports();
     /// Measures the connection between the ranks (measure_link).

@@ -68,11 +68,11 @@ class Watched : public test::ForwardingEngine {
     Watched() : ForwardingEngine({"sh", 3, ColorActivation::kRelu}) {}
     void set_active_degree(int degree) override { degrees.push_back(degree); }
     DensifyStats densify(const DensifyRequest& request) override {
+        if (std::holds_alternative<MortonOrder>(request.rule)) return {};
         at.push_back(request.iteration);
         cap = std::get<McmcParams>(request.rule).cap;
         return {};
     }
-    void morton_sort() override {}
     std::vector<int> degrees;
     std::vector<std::int64_t> at;
     std::int64_t cap = 0;

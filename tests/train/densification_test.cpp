@@ -28,8 +28,8 @@ class Watched : public test::ForwardingEngine {
 
     RowCounts counts() const override { return {count, 0}; }
     void set_active_degree(int) override {}
-    void morton_sort() override { sorts.push_back(iteration); }
     DensifyStats densify(const DensifyRequest& request) override {
+        if (std::holds_alternative<MortonOrder>(request.rule)) return sorts.push_back(iteration), DensifyStats{};
         const bool resets = std::holds_alternative<OpacityReset>(request.rule);
         note(resets ? "reset" : "densify");
         if (resets) return {};

@@ -15,18 +15,15 @@ class ForwardingEngine : public Engine {
     MemoryUse memory() override { return inner_->memory(); }
     void synchronize() override { inner_->synchronize(); }
     void upload(const Gaussians& state) override { inner_->upload(state); }
-    Gaussians download(bool with_moments) override { return inner_->download(with_moments); }
+    Gaussians download(Download what) override { return inner_->download(what); }
     RowCounts counts() const override { return inner_->counts(); }
     void set_active_degree(int degree) override { inner_->set_active_degree(degree); }
     void upload_ppisp(const PpispState& state) override { inner_->upload_ppisp(state); }
-    PpispState download_ppisp(bool with_moments) override { return inner_->download_ppisp(with_moments); }
-    std::vector<float> download_bases() override { return inner_->download_bases(); }
     DensifyStats densify(const DensifyRequest& request) override { return inner_->densify(request); }
     PruneStats prune(const PruneRequest& request) override { return inner_->prune(request); }
     void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override {
         inner_->keep_residuals(marks, bases);
     }
-    void morton_sort() override { inner_->morton_sort(); }
 
     void render(const RenderRequest& request, const SplatParts* splats, RenderedImage& out) override {
         inner_->render(request, splats, out);

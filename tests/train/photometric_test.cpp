@@ -185,10 +185,12 @@ class ExposedEngine : public test::ForwardingEngine {
     explicit ExposedEngine(std::vector<float> exposures)
         : ForwardingEngine({"none", 0, ColorActivation::kRelu}), exposures_(std::move(exposures)) {}
     void upload_ppisp(const PpispState&) override {}
-    PpispState download_ppisp(bool) override {
-        PpispState state = identity_ppisp(40, 1);
-        for (std::size_t k = 0; k < 40; ++k) state.param[k * kIspFrameValues] = exposures_[k % exposures_.size()];
-        return state;
+    Gaussians download(Download) override {
+        Gaussians model;
+        model.ppisp = identity_ppisp(40, 1);
+        for (std::size_t k = 0; k < 40; ++k)
+            model.ppisp.param[k * kIspFrameValues] = exposures_[k % exposures_.size()];
+        return model;
     }
 
   private:

@@ -404,9 +404,9 @@ class FailingEngine : public test::ForwardingEngine {
         if (failed_) throw DeviceError("out of device memory: asked for 8 MiB, free 3 MiB");
         ForwardingEngine::step(request);
     }
-    Gaussians download(bool with_moments) override {
+    Gaussians download(Download what) override {
         if (failed_ && !readable_) throw DeviceError("the device is gone");
-        return ForwardingEngine::download(with_moments);
+        return ForwardingEngine::download(what);
     }
 
   private:
