@@ -184,7 +184,7 @@ ModelOption lobe_rate_option() {
             .min = 0,
             .max = 10,
             .is_rate = true,
-            .nan_word = "auto",
+            .unset_word = "auto",
             .help =
                 "first rate of the lobes of nasg and nasgabor; auto: the paper's rule, 0.0025 where cameras are 0.354 "
                 "scene units apart, "
@@ -195,8 +195,7 @@ ModelOption lobe_rate_option() {
 /// square. It depends on the scene's unit, so the factor stays between 1e-3 and 1e3: a scene in millimetres still
 /// trains.
 double lobe_rate(const RateContext& context) {
-    const double given = context.options.at(kLobeRate);
-    if (!std::isnan(given)) return given;
+    if (const auto& given = context.options.at(kLobeRate)) return *given;
     return 0.0025 * std::clamp(std::pow(0.3536 / context.camera_spacing, 2), 1e-3, 1e3);
 }
 

@@ -363,7 +363,7 @@ TEST(Nasg, RatesAreConstantOrFollowTheCameraSpacing) {
     for (const ModelInfo* info : {&appearance::nasg_info(), &appearance::nasgabor_info()}) {
         EXPECT_EQ(info->initial_degree, 0);
         EXPECT_EQ(info->default_max_degree, 1);
-        const auto rates = [&](double spacing) { return info->rates(1, {spacing, {{"lobe-lr", NAN}}}); };
+        const auto rates = [&](double spacing) { return info->rates(1, {spacing, {{"lobe-lr", std::nullopt}}}); };
         EXPECT_DOUBLE_EQ(info->rates(1, {3, {{"lobe-lr", .001}}}).residual.at(0).at(1), .001)
             << "given: whatever the cameras are";
         EXPECT_DOUBLE_EQ(info->rates(1, {}).residual.at(0).at(1), .0025);

@@ -102,7 +102,7 @@ TrainOptions measured_options(const TrainArguments& train, const std::string& fi
     if (options.source.empty() && !options.model.empty() && is_point_cloud(options.model))
         throw UsageError("'" + options.model +
                          "' is a point cloud without a run, which has no views: name their scene with --source SCENE");
-    validate(options);
+    options = resolve(options);
     return options;
 }
 

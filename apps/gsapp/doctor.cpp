@@ -15,7 +15,7 @@
 #include "apps/gsapp/printing.h"
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/ranks/connect_devices.h"
-#include "lib/core/bytes.h"
+#include "lib/core/quantities.h"
 #include "lib/core/cpu_features.h"
 #include "lib/core/json_text.h"
 #include "lib/core/version.h"

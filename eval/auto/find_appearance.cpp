@@ -13,7 +13,7 @@
 #include "eval/auto/residual_parts.h"
 #include "kernels/base/clock.h"
 #include "kernels/base/parallel.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"
 #include "lib/scene/frame.h"
@@ -172,9 +172,9 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     Deadline deadline{seconds_now()};
     set_num_threads(options.threads);
     Stage stage = make_stage(options, scene);
-    if (!options.time_limit.empty()) {
-        deadline.limit = kLimitShare * parse_duration(options.time_limit, "option time-limit");
-        stage.options.time_limit.clear();
+    if (options.time_limit) {
+        deadline.limit = kLimitShare * options.time_limit->seconds;
+        stage.options.time_limit.reset();
         stage.options.iterations =
             std::llround(double(affordable_iterations(stage, deadline.left(0, {}))) / kTrialShare);
     }

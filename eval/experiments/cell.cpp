@@ -39,7 +39,7 @@ std::optional<CellResult> finished_cell(const TrainOptions& options) {
     std::error_code ignored;
     std::uintmax_t bytes =
         std::filesystem::file_size(RunFolder{options.model}.point_cloud(ended_at(options).value_or(0)), ignored);
-    if (!options.size_limit.empty()) bytes = std::uintmax_t(row->planned_bytes.value_or(std::int64_t(bytes)));
+    if (options.size_limit) bytes = std::uintmax_t(row->planned_bytes.value_or(std::int64_t(bytes)));
     return CellResult{row->psnr,           row->ssim,           *row->num_gaussians,    *row->train_seconds,
                       *row->frame_seconds, std::int64_t(bytes), row->peak_device_bytes, row->protocol};
 }

@@ -14,7 +14,7 @@
 #include "lib/core/options.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 namespace {
@@ -43,9 +43,9 @@ std::vector<Row> densification_rows() {
 std::vector<Row> activation_rows() {
     struct Rate {
         const char* name;
-        double value;
+        std::optional<double> value;
     };
-    constexpr Rate kRates[] = {{"0.05", 0.05}, {"0.025", 0.025}, {"auto", std::numeric_limits<double>::quiet_NaN()}};
+    constexpr Rate kRates[] = {{"0.05", 0.05}, {"0.025", 0.025}, {"auto", std::nullopt}};
     std::vector<Row> rows;
     for (const std::string& activation : words<ColorActivation>())
         for (const Rate& rate : kRates)
@@ -53,6 +53,7 @@ std::vector<Row> activation_rows() {
                             fmt::format("{}-{}", activation, rate.name),
                             [kind = *choice_of<ColorActivation>(activation), value = rate.value](TrainOptions& o) {
                                 o.color_activation = kind, o.opacity_lr = value;
+                                o.named.insert("opacity-lr");
                             }});
     return rows;
 }
@@ -99,7 +100,7 @@ std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<s
             set_folder(options, fs::path(base.model) / (row.folder + "-" + appearance));
             row.vary(options);
             require_named_appearance(options);
-            validate(options);
+            options = resolve(options);
             lines.push_back({row.name, appearance, {fmt::format("{}, {}", row.name, appearance), std::move(options)}});
         }
     return lines;

@@ -10,7 +10,7 @@
 #include <numeric>
 
 #include "eval/experiments/tradeoff_text.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 
 namespace gs {
 namespace {

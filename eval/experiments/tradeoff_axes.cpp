@@ -16,7 +16,7 @@
 #include "eval/experiments/cell.h"
 #include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 #include "lib/core/nearest.h"
 #include "lib/core/options.h"
 #include "lib/train/choose_backend.h"
@@ -41,12 +41,6 @@ bool is_number(const std::string& text, double& value) {
     return error == std::errc{} && end == text.data() + text.size() && std::isfinite(value);
 }
 
-/// Options that decide which pictures are scored, where, or nothing about the model, do not make a trade-off.
-bool may_vary(const Option& option) {
-    return training_options(TrainOptions{}).contains(option.key) && option.group != "Input and output" &&
-           option.key != "device" && option.key != "background";
-}
-
 const Option* find_option(const std::string& name) {
     const auto& table = train_option_table();
     const auto found =
@@ -57,13 +51,13 @@ const Option* find_option(const std::string& name) {
 void check_name(const std::string& name) {
     if (name == kBudget || name == kPrecision) return;
     const Option* option = find_option(name);
-    if (option && may_vary(*option)) return;
+    if (option && option->scope == Scope::kExperiment) return;
     if (option)
         throw UsageError(fmt::format(
             "--axes: '{}' cannot be an axis: runs with other values of it would not compare, or not differ", name));
     std::vector<std::string> known = {kBudget, kPrecision};
     for (const Option& o : train_option_table())
-        if (may_vary(o)) known.push_back(o.key);
+        if (o.scope == Scope::kExperiment) known.push_back(o.key);
     throw UsageError(fmt::format("--axes: unknown axis '{}'{}", name, did_you_mean(name, known)));
 }
 
@@ -125,7 +119,7 @@ double distance_on(const TradeoffAxis& axis, const std::string& a, const std::st
 void spread(const std::vector<TradeoffAxis>& axes, std::vector<Configuration>& list) {
     const auto work = [](const Configuration& c) {
         const TrainOptions& o = c.options;
-        if (!o.time_limit.empty()) return parse_duration(o.time_limit, "time-limit");
+        if (o.time_limit) return o.time_limit->seconds;
         return double(o.iterations) * double(o.cap_max);
     };
     std::iter_swap(list.begin(), std::min_element(list.begin(), list.end(),
@@ -185,10 +179,10 @@ Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const st
             set_option(options, *find_option(axes[a].name), {values[a]}, "--axes " + axes[a].name);
     }
     require_named_appearance(options);
-    validate(options);
+    options = resolve(options);
     const bool varies_iterations =
         std::any_of(axes.begin(), axes.end(), [](const TradeoffAxis& axis) { return axis.name == "iterations"; });
-    if (varies_iterations && !options.time_limit.empty())
+    if (varies_iterations && options.time_limit)
         throw UsageError(
             "--axes iterations: with --time-limit the time decides how many there are; leave one of the two out");
     limit_budget(options, share);  // of the cap that another axis may have set

@@ -10,7 +10,7 @@
 #include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/core/options.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 namespace {
@@ -99,7 +99,7 @@ TradeoffPlan plan_tradeoff(TrainOptions base, const TradeoffRequest& request) {
     plan.rounds =
         (request.search == SearchKind::kGrid ? plan_grid : plan_halving)(request.axes, base, plan.tradeoff.axes);
     if (!base.overwrite) require_free_folders(plan.rounds);
-    const Scene scene = load_scene(scene_options(plan.rounds[0][0].options));
+    const Scene scene = load_scene(plan.rounds[0][0].options);
     if (!base.overwrite) require_same_scene(plan.rounds, scene);
     if (scene.test.empty())
         throw DataError(

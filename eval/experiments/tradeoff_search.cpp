@@ -9,7 +9,7 @@
 #include <limits>
 #include <numeric>
 
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 #include "lib/core/options.h"
 
 namespace gs {
@@ -117,11 +117,11 @@ void TimePlan::add(const TrainOptions& options, double train_seconds, std::optio
 }
 
 std::optional<double> TimePlan::seconds(const TrainOptions& options) const {
-    if (!options.time_limit.empty()) return overhead_seconds_ + parse_duration(options.time_limit, "time-limit");
+    if (options.time_limit) return overhead_seconds_ + options.time_limit->seconds;
     std::optional<double> expected;
     double least = std::numeric_limits<double>::infinity();
     for (const Ended& run : ended_) {
-        if (!ends_by_iterations(run.options)) continue;
+        if (!run.options.ends_by_iterations()) continue;
         const double iterations = double(options.iterations) / double(run.options.iterations);
         const double gaussians = double(options.cap_max) / double(run.options.cap_max);
         // A step of 1 % in size weighs more than another appearance: these differ by less than a factor of two.

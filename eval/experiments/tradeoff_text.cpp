@@ -11,11 +11,11 @@
 #include "eval/pages/escape.h"
 #include "eval/pages/html_page.h"
 #include "eval/pages/scatter.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 #include "lib/core/json_text.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "eval/metrics/metrics.h"
 #include "kernels/base/error.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 
 namespace gs {
 namespace {

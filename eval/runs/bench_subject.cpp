@@ -13,7 +13,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/model/whole_model.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 
@@ -31,7 +31,7 @@ BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64
         subject.name = fmt::format("{}, {}", options.source, options.model);
         if (!is_point_cloud(options.model)) subject.name += fmt::format(" at iteration {}", saved.iteration);
     }
-    if (!trained) subject.scene = load_scene(scene_options(options));
+    if (!trained) subject.scene = load_scene(options);
     if (subject.scene.train.empty())
         throw DataError(subject.scene.source + ": no training views (all were held out or skipped)");
     if (!trained) subject.model = initial_model(options, subject.scene);

@@ -13,7 +13,7 @@
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
 #include "lib/io/temporary.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 

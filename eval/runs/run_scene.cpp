@@ -21,24 +21,6 @@
 namespace gs {
 namespace {
 
-/// Returns whether runs of one experiment may differ in this option: it changes nothing of the model (to the bit, on
-/// the CPU), or chance alone. `source` is compared by the place that it names.
-bool is_immaterial(const Option& option) {
-    static const std::vector<std::string> keys = {"source",
-                                                  "model",
-                                                  "image-cache",
-                                                  "overwrite",
-                                                  "resume",
-                                                  "seed",
-                                                  "test-iterations",
-                                                  "save-iterations",
-                                                  "checkpoint-iterations",
-                                                  "checkpoint-minutes",
-                                                  "preview-every",
-                                                  "verify-images"};
-    return option.group == "Logging" || std::find(keys.begin(), keys.end(), option.key) != keys.end();
-}
-
 namespace fs = std::filesystem;
 
 /// How far rounding moves a camera, relative to the size of what it belongs to: text files have as few as six digits.
@@ -125,7 +107,8 @@ std::map<std::string, std::string> training_options(const TrainOptions& named) {
     const TrainOptions options = with_absolute_paths(named);
     std::map<std::string, std::string> texts;
     for (const Option& option : train_option_table())
-        if (!is_immaterial(option)) texts[option.key] = option_text(option, options);
+        if (option.scope == Scope::kExperiment || option.scope == Scope::kScene)
+            texts[option.key] = option_text(option, options);
     const bool builtin = options.source.starts_with("builtin:");
     std::error_code error;
     const auto resolved = std::filesystem::weakly_canonical(options.source, error);
@@ -174,9 +157,9 @@ void require_run_scene(const fs::path& run_folder, const TrainOptions& options, 
                     options.source, run_folder.string(), difference));
 }
 
-Scene load_run_scene(const fs::path& run_folder, const TrainOptions& options, const SceneOptions& choices) {
+Scene load_run_scene(const fs::path& run_folder, const TrainOptions& options, const LoadRules& rules) {
     require_scene_exists(run_folder, options);
-    Scene scene = load_scene(choices);
+    Scene scene = load_scene(options, rules);
     require_run_scene(run_folder, options, scene);
     return scene;
 }

@@ -27,9 +27,9 @@ std::string difference_to_scene(const std::filesystem::path& run_folder, const T
 /// Throws DataError, naming the difference and what helps, if there is one.
 void require_run_scene(const std::filesystem::path& run_folder, const TrainOptions& options, const Scene& scene);
 
-/// Loads the scene of a run as `choices` say, which are those of `options` with a frame. Throws DataError if it is no
+/// Loads the scene of a run. Throws DataError if it is no
 /// longer where the run has it, what require_run_scene throws, and what load_scene throws.
-Scene load_run_scene(const std::filesystem::path& run_folder, const TrainOptions& options, const SceneOptions& choices);
+Scene load_run_scene(const std::filesystem::path& run_folder, const TrainOptions& options, const LoadRules& rules);
 
 /// Returns whether the scene named by options.source is another one than the run's own: by its place if that one is
 /// still there, else by difference_to_scene; true if that cannot tell.

@@ -21,7 +21,7 @@
 #include "lib/model/run_folder.h"
 #include "lib/model/whole_model.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 #include "lib/train/sharded_backend.h"
 
 namespace gs {
@@ -114,11 +114,9 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
 }
 
 Scene load_scene_of(SavedModel& model, const TrainOptions& options, const RunChanges& changes) {
-    SceneOptions choices = scene_options(options);
-    choices.scores = changes.scores;
-    choices.frame = model.frame;
+    const LoadRules rules{.frame = model.frame, .scores = changes.scores};
     const bool may_differ = is_point_cloud(options.model) || (changes.other_scene && !changes.source.empty());
-    Scene scene = may_differ ? load_scene(choices) : load_run_scene(options.model, options, choices);
+    Scene scene = may_differ ? load_scene(options, rules) : load_run_scene(options.model, options, rules);
     if (!model.frame) {
         bring_into_frame(model.state, scene.frame);
         model.frame = scene.frame;

@@ -5,19 +5,20 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 
 #include "kernels/base/error.h"
-#include "lib/core/bytes.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 
 namespace gs {
 namespace {
 
 template <class T> constexpr bool is_list = false;
 template <class T> constexpr bool is_list<std::vector<T>> = true;
+template <class T> constexpr bool is_optional = false;
+template <class T> constexpr bool is_optional<std::optional<T>> = true;
+template <class T> constexpr bool is_number = std::is_arithmetic_v<T> && !std::is_same_v<T, bool>;
 
 [[noreturn]] void wrong_type(const std::string& where, const std::string& value, const std::string& expected) {
     throw UsageError(fmt::format("{}: '{}' is not {}", where, value, expected));
@@ -65,6 +66,10 @@ template <class T> void parse_into(T& field, const std::string& text, const std:
         field = parse_choice<T>(text, where);
     else if constexpr (std::is_same_v<T, Background>)
         field = parse_background(text, where);
+    else if constexpr (std::is_same_v<T, Duration>)
+        field = parse_duration(text, where);
+    else if constexpr (std::is_same_v<T, ByteCount>)
+        field = parse_bytes(text, where);
     else
         field = parse_number<T>(text, where);
 }
@@ -97,7 +102,10 @@ void check_value(const Option& option, const TrainOptions& options) {
                 check_choice(option, value);
             else if constexpr (is_list<T>) {
                 for (auto element : value) check_number(option, element);
-            } else if constexpr (std::is_arithmetic_v<T> && !std::is_same_v<T, bool>)
+            } else if constexpr (is_optional<T>) {
+                if constexpr (is_number<typename T::value_type>)
+                    if (value) check_number(option, *value);
+            } else if constexpr (is_number<T>)
                 check_number(option, value);
         },
         option.field);
@@ -111,63 +119,47 @@ void check_resolution(int r) {
     }
 }
 
-void check_bytes(const std::string& key, const std::string& text) {
-    try {
-        parse_bytes(text);
-    } catch (const UsageError& e) {
-        throw UsageError(fmt::format("option {}: {}", key, e.what()));
-    }
-}
-
 /// The shortest time limit, seconds: a few steps and a small file.
 constexpr double kShortestTime = 0.15;
-
-/// What recipe frontier puts in place of defaults (docs/math/optimization.md#recipe).
-struct RecipeValue {
-    const char* key;
-    double TrainOptions::*field;
-    double value;
-};
-constexpr RecipeValue kFrontier[] = {
-    {"position-lr-init", &TrainOptions::position_lr_init, 2.24e-4},
-    {"position-lr-final", &TrainOptions::position_lr_final, 2.24e-6},
-    {"noise-lr", &TrainOptions::noise_lr, 3.5e5},      // times the rate of the means: the noise nearly stays
-    {"base-travel", &TrainOptions::base_travel, 3.5},  // that of sh in 5000 iterations
-    {"short-rates", &TrainOptions::short_rates, 0.7},
-    {"far-rate", &TrainOptions::far_rate, 1},
-    {"residual-rate", &TrainOptions::residual_rate, 3},
-    {"final-rate", &TrainOptions::final_rate, 0.1},
-    {"opacity-reg", &TrainOptions::opacity_reg, 0.005},
-    {"scale-reg", &TrainOptions::scale_reg, 0.003},
-    {"coarse-until", &TrainOptions::coarse_until, 0.2},
-};
 
 /// final-rate of runs in which Gaussians lose their residuals.
 constexpr double kMixedFinalRate = 0.1;
 
+/// Returns the options of which recipe frontier changes the default, with that value
+/// (docs/math/optimization.md#recipe).
+const TrainOptions& frontier_values() {
+    static const TrainOptions values = [] {
+        TrainOptions options;
+        for (const Option& option : train_option_table())
+            if (!option.frontier.empty()) set_option(options, option, {option.frontier}, "recipe frontier");
+        return options;
+    }();
+    return values;
+}
+
 /// Decides what `auto` stands for, and puts the values of recipe frontier in place of what was not named.
 void apply_recipe(TrainOptions& options) {
     if (options.recipe == Recipe::kAuto) {
-        const bool limited = !options.time_limit.empty() || !options.size_limit.empty() ||
-                             !options.frame_limit.empty() || options.target_psnr > 0;
+        const bool limited = options.time_limit || options.size_limit || options.frame_limit || options.target_psnr;
         options.recipe = limited || options.preset != Preset::kNone ? Recipe::kFrontier : Recipe::kPaper;
     }
     if (options.recipe != Recipe::kFrontier) {
         // Where Gaussians lose their residuals, the rest of the run is fine tuning.
-        if (takes_residuals_away(options) && !options.named.contains("final-rate"))
+        if (options.takes_residuals_away() && !options.named.contains("final-rate"))
             options.final_rate = kMixedFinalRate;
         return;
     }
-    for (const RecipeValue& entry : kFrontier)
-        if (!options.named.contains(entry.key)) options.*entry.field = entry.value;
-    if (!options.named.contains("growth-by")) options.growth_by = GrowthBy::kGradient;
+    for (const Option& option : train_option_table())
+        if (!option.frontier.empty() && !options.named.contains(option.key))
+            std::visit([&](const auto& f) { option_value(options, f) = option_value(frontier_values(), f); },
+                       option.field);
 }
 
 }  // namespace
 
 void apply_preset(TrainOptions& options) {
     if (options.preset == Preset::kNone) return;
-    if (!options.time_limit.empty())
+    if (options.time_limit)
         throw UsageError("option preset: its length is a number of iterations, which time-limit replaces; give one");
     if (!options.named.contains("iterations"))
         options.iterations = options.preset == Preset::kFast       ? 5000
@@ -183,17 +175,13 @@ bool has_builtin_cap(const TrainOptions& options) {
     return options.source.starts_with("builtin:") && !options.named.contains("cap-max");
 }
 
-bool takes_residuals_away(const TrainOptions& options) {
-    return options.appearance_bytes > 0 || !(options.appearance_share == 0 || options.appearance_share == 1);
-}
-
 std::vector<std::string> kept_from_recipe(const TrainOptions& options) {
     std::vector<std::string> kept;
     if (options.recipe != Recipe::kFrontier) return kept;
-    for (const RecipeValue& entry : kFrontier)
-        if (options.*entry.field != entry.value)
-            kept.push_back(fmt::format("{} {}", entry.key, number_text(options.*entry.field)));
-    if (options.growth_by != GrowthBy::kGradient) kept.push_back("growth-by " + word(options.growth_by));
+    for (const Option& option : train_option_table())
+        if (const std::string text = option_text(option, options);
+            !option.frontier.empty() && text != option_text(option, frontier_values()))
+            kept.push_back(option.key + " " + text);
     return kept;
 }
 
@@ -210,7 +198,8 @@ std::string option_range(const Option& option) {
     if (!option.choices.empty()) return fmt::format("{}", fmt::join(option.choices, ", "));
     if (option.min && option.max) {
         std::string words;
-        for (const std::string& word : {option.nan_word, option.max_word})
+        const bool is_in_range = option.unset_word == number_text(*option.min);
+        for (const std::string& word : {is_in_range ? "" : option.unset_word, option.max_word})
             if (!word.empty()) words += " or " + word;
         return fmt::format("{}..{}{}", number_text(*option.min), number_text(*option.max), words);
     }
@@ -218,29 +207,51 @@ std::string option_range(const Option& option) {
 }
 
 std::string option_text(const Option& option, const TrainOptions& options) {
-    return std::visit(
-        [&](const auto& field) -> std::string {
-            const auto& value = option_value(options, field);
-            using T = std::decay_t<decltype(value)>;
-            if constexpr (std::is_same_v<T, std::string>)
-                return value;
-            else if constexpr (std::is_same_v<T, bool>)
-                return value ? "true" : "false";
-            else if constexpr (Choice<T>)
-                return word(value);
-            else if constexpr (std::is_same_v<T, Background>)
-                return background_text(value);
-            else if constexpr (is_list<T>)
-                return fmt::format("[{}]", fmt::join(value, ", "));
-            else if constexpr (std::is_same_v<T, double>)
-                return std::isnan(value)                                  ? option.nan_word
-                       : !option.max_word.empty() && value == *option.max ? option.max_word
-                                                                          : number_text(value);
-            else
-                return !option.max_word.empty() && value == T(*option.max) ? option.max_word : number_text(value);
-        },
-        option.field);
+    const auto text = [&](const auto& self, const auto& value) -> std::string {
+        using T = std::decay_t<decltype(value)>;
+        if constexpr (is_optional<T>)
+            return value ? self(self, *value) : option.unset_word;
+        else if constexpr (std::is_same_v<T, std::string>)
+            return value;
+        else if constexpr (std::is_same_v<T, bool>)
+            return value ? "true" : "false";
+        else if constexpr (Choice<T>)
+            return word(value);
+        else if constexpr (std::is_same_v<T, Background>)
+            return background_text(value);
+        else if constexpr (std::is_same_v<T, Duration> || std::is_same_v<T, ByteCount>)
+            return value.text();
+        else if constexpr (is_list<T>)
+            return fmt::format("[{}]", fmt::join(value, ", "));
+        else
+            return !option.max_word.empty() && value == T(*option.max) ? option.max_word : number_text(value);
+    };
+    return std::visit([&](const auto& field) { return text(text, option_value(options, field)); }, option.field);
 }
+
+namespace {
+
+/// Reads one text into a value, by the words of its option.
+template <class T>
+void read_value(T& value, const Option& option, bool is_whole, const std::string& text, const std::string& where) {
+    if constexpr (is_optional<T>) {
+        value.reset();
+        if (text != option.unset_word) read_value(value.emplace(), option, is_whole, text, where);
+    } else {
+        if constexpr (is_number<T>) {
+            if (!option.max_word.empty() && text == option.max_word)
+                value = T(*option.max);
+            else if (is_whole)
+                value = T(parse_number<std::int64_t>(text, where));
+            else
+                value = parse_number<T>(text, where);
+        } else {
+            parse_into(value, text, where);
+        }
+    }
+}
+
+}  // namespace
 
 void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values,
                 const std::string& where) {
@@ -248,34 +259,17 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
     std::visit(
         [&](const auto& field) {
             auto& value = option_value(options, field);
-            using T = std::decay_t<decltype(value)>;
-            if constexpr (is_list<T>) {
-                T list;
+            if constexpr (is_list<std::decay_t<decltype(value)>>) {
+                value.clear();
                 for (const std::string& text : values)
-                    if (text != "-1") parse_into(list.emplace_back(), text, where);  // stands for none
-                value = list;
+                    if (text != "-1") parse_into(value.emplace_back(), text, where);  // stands for none
             } else {
                 if (values.size() != 1)
                     throw UsageError(fmt::format("{}: needs exactly one value, got {}", where, values.size()));
-                if constexpr (std::is_same_v<T, double>) {
-                    if (!option.nan_word.empty() && values.front() == option.nan_word) {
-                        value = std::numeric_limits<double>::quiet_NaN();
-                        return;
-                    }
-                }
-                if constexpr (std::is_arithmetic_v<T> && !std::is_same_v<T, bool>) {
-                    if (!option.max_word.empty() && values.front() == option.max_word) {
-                        value = T(*option.max);
-                        return;
-                    }
-                }
-                if constexpr (std::is_same_v<std::decay_t<decltype(field)>, ModelOptionField>) {
-                    if (field.is_whole) {
-                        value = double(parse_number<std::int64_t>(values.front(), where));
-                        return;
-                    }
-                }
-                parse_into(value, values.front(), where);
+                bool is_whole = false;
+                if constexpr (std::is_same_v<std::decay_t<decltype(field)>, ModelOptionField>)
+                    is_whole = field.is_whole;
+                read_value(value, option, is_whole, values.front(), where);
             }
         },
         option.field);
@@ -283,21 +277,15 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
 
 void check_option(const Option& option, const TrainOptions& options) {
     check_value(option, options);
-    if (option.key == "resolution") check_resolution(options.resolution);
-    if (option.key == "image-cache") check_bytes("image-cache", options.image_cache);
-    if (option.key == "size-limit" && !options.size_limit.empty()) check_bytes("size-limit", options.size_limit);
-    if (option.key == "time-limit" && !options.time_limit.empty())
-        parse_duration(options.time_limit, "option time-limit");
-    if (option.key == "frame-limit" && !options.frame_limit.empty())
-        parse_duration(options.frame_limit, "option frame-limit");
+    if (option.key == "resolution" && options.resolution) check_resolution(*options.resolution);
 }
 
-LogLevel shown_messages(const TrainOptions& options) {
+LogLevel shown_messages(const OutputOptions& options) {
     if (options.quiet) return LogLevel::kWarn;
     return options.verbose ? LogLevel::kDebug : LogLevel::kInfo;
 }
 
-void validate(TrainOptions& options) {
+TrainOptions resolve(TrainOptions options) {
     if (options.source.empty())
         throw UsageError("option source: no scene given; name a folder or builtin:NAME, e.g. -s path/to/scene");
     for (const Option& option : train_option_table()) check_option(option, options);
@@ -324,31 +312,28 @@ void validate(TrainOptions& options) {
             fmt::format("option speedy-splat: goes with strategy adc, not with {}", word(options.strategy)));
     apply_preset(options);
     apply_recipe(options);
-    if (!options.time_limit.empty() && parse_duration(options.time_limit, "option time-limit") < kShortestTime)
+    if (options.time_limit && options.time_limit->seconds < kShortestTime)
         throw UsageError(fmt::format("option time-limit: {} is less than the shortest useful one, {:g}s",
-                                     options.time_limit, kShortestTime));
-    if (!options.time_limit.empty() && options.schedule == ScheduleKind::kFixed)
+                                     options.time_limit->text(), kShortestTime));
+    if (options.time_limit && options.schedule == ScheduleKind::kFixed)
         throw UsageError(
             "option schedule: fixed counts iterations, and a time limit does not say how many there will be");
-    if (options.target_psnr > 0 && options.schedule == ScheduleKind::kFixed)
+    if (options.target_psnr && options.schedule == ScheduleKind::kFixed)
         throw UsageError("option schedule: fixed counts iterations, and a target does not say how many there will be");
-    if (options.appearance_bytes > 0 && options.named.contains("appearance-share"))
+    if (options.appearance_bytes && options.named.contains("appearance-share"))
         throw UsageError("option appearance-bytes: it is another way to say appearance-share; give one of them");
-    if (options.target_psnr > 0 && options.strategy != Strategy::kMcmc)
+    if (options.target_psnr && options.strategy != Strategy::kMcmc)
         throw UsageError(
             fmt::format("option target-psnr: goes with strategy mcmc, not with {}", word(options.strategy)));
     // A .splat file holds one colour for all directions.
-    if (!options.size_limit.empty() && options.size_of == SizeOf::kSplat && !options.named.contains("appearance"))
+    if (options.size_limit && options.size_of == SizeOf::kSplat && !options.named.contains("appearance"))
         options.appearance = "none";
-    const bool mcmc = options.strategy == Strategy::kMcmc;
-    if (options.opacity_lr == 0) options.opacity_lr = mcmc || options.speedy_splat ? 0.05 : 0.025;
-    if (options.controller_iterations < 0 && options.time_limit.empty())
+    if (!options.named.contains("opacity-lr"))
+        options.opacity_lr = options.strategy == Strategy::kMcmc || options.speedy_splat ? 0.05 : 0.025;
+    if (!options.controller_iterations && !options.time_limit)
         options.controller_iterations =
             options.schedule == ScheduleKind::kFixed ? 5000 : std::max<std::int64_t>(1, options.iterations / 6);
-    for (const auto& [name, value] : {std::pair{"position-lr-max-steps", options.position_lr_max_steps},
-                                      {"densification-interval", options.densification_interval},
-                                      {"opacity-reset-interval", options.opacity_reset_interval}})
-        if (value == 0) throw UsageError(fmt::format("option {}: 0 is neither a number of iterations nor -1", name));
+    return options;
 }
 
 }  // namespace gs

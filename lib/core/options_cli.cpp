@@ -20,8 +20,12 @@ const char* type_word(const Option& option) {
     return std::visit(
         [](const auto& field) {
             using T = std::decay_t<decltype(option_value(TrainOptions{}, field))>;
-            if constexpr (std::is_same_v<T, double>) return "NUMBER";
-            if constexpr (std::is_integral_v<T> || std::is_same_v<T, std::vector<std::int64_t>>) return "INTEGER";
+            constexpr auto is_one_of = []<class... U>(std::variant<U...>*) { return (std::is_same_v<T, U> || ...); };
+            using Reals = std::variant<double, std::optional<double>>;
+            using Integers = std::variant<int, std::optional<int>, std::int64_t, std::optional<std::int64_t>,
+                                          std::uint64_t, std::vector<std::int64_t>>;
+            if constexpr (is_one_of(static_cast<Reals*>(nullptr))) return "NUMBER";
+            if constexpr (is_one_of(static_cast<Integers*>(nullptr))) return "INTEGER";
             return "TEXT";
         },
         option.field);
@@ -248,16 +252,14 @@ TrainOptions TrainArguments::base(bool stored_run) const {
     const bool wanted = !flags_only.resume.empty() || (stored_run && !run.empty());
     if (!wanted || !path_exists(run / "config.yaml")) return {};
     TrainOptions options = load_run_options(run);
-    options.overwrite = false;  // these two belong to one call of the program, not to the run
-    options.resume.clear();
+    for (const Option& option : train_option_table())
+        if (option.scope == Scope::kCall)
+            std::visit([&](const auto& f) { option_value(options, f) = option_value(TrainOptions{}, f); },
+                       option.field);
     return options;
 }
 
-TrainOptions TrainArguments::resolve(const ResolveRules& rules) const {
-    TrainOptions options = combine(rules);
-    validate(options);
-    return options;
-}
+TrainOptions TrainArguments::resolve(const ResolveRules& rules) const { return gs::resolve(combine(rules)); }
 
 TrainOptions TrainArguments::combine(const ResolveRules& rules) const {
     check_foreign();

@@ -31,13 +31,13 @@ class TrainArguments {
     TrainArguments(const TrainArguments&) = delete;
     TrainArguments& operator=(const TrainArguments&) = delete;
 
-    /// Returns the validated options: defaults, overridden by the file of --config, overridden by the flags. A run that
+    /// Returns the resolved options: defaults, overridden by the file of --config, overridden by the flags. A run that
     /// is resumed without --config uses the config.yaml of its output folder, so that only changes need flags. Call it
     /// after parsing. Warns of options of other programs that change nothing here. Throws UsageError, also for those
     /// that ask for what is missing here.
     TrainOptions resolve(const ResolveRules& rules = {}) const;
 
-    /// Returns the same options without validating them, for callers that still change them.
+    /// Returns the same options unresolved, for callers that still change them.
     TrainOptions combine(const ResolveRules& rules = {}) const;
 
     /// Overrides `options` by the flags that were given and checks the value of each by itself. Throws UsageError.

@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <system_error>
+#include <vector>
 
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
@@ -16,9 +17,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The options that name files and folders of the user, the run's own folder aside.
-constexpr std::string TrainOptions::*kPaths[] = {&TrainOptions::source, &TrainOptions::test_list, &TrainOptions::init,
-                                                 &TrainOptions::ppisp_from, &TrainOptions::tensorboard};
+/// Returns the options that name files and folders of the user, the run's own folder aside.
+std::vector<std::string TrainOptions::*> paths() {
+    std::vector<std::string TrainOptions::*> fields;
+    for (const Option& option : train_option_table())
+        if (option.is_path) fields.push_back(std::get<std::string TrainOptions::*>(option.field));
+    return fields;
+}
 
 constexpr std::string_view kBuiltin = "builtin:";
 
@@ -53,7 +58,7 @@ std::string absolute_path(const std::string& text) {
 }
 
 TrainOptions with_absolute_paths(TrainOptions options) {
-    for (std::string TrainOptions::*path : kPaths) options.*path = absolute_path(options.*path);
+    for (std::string TrainOptions::*path : paths()) options.*path = absolute_path(options.*path);
     options.model = absolute_path(options.model);
     return options;
 }
@@ -72,7 +77,7 @@ TrainOptions load_run_options(const fs::path& run_folder) {
     }
     TrainOptions options = load_options_yaml(file);
     const fs::path before = options.model, now = absolute_path(run_folder.string());
-    for (std::string TrainOptions::*field : kPaths) {
+    for (std::string TrainOptions::*field : paths()) {
         const std::string& text = options.*field;
         if (!is_path(text)) continue;
         const std::size_t prefix = prefix_length(text);

@@ -19,8 +19,8 @@ constexpr double kMaxIterations = 2147483647.0;
 struct Entry : Option {
     /// Sets further spellings, which the help shows.
     template <class... Names> Entry also(Names... more) { return names = {more...}, *this; }
-    /// A word that may stand in place of the number, stored as NaN.
-    Entry or_word(std::string text) { return nan_word = std::move(text), *this; }
+    /// The text of a value that is not set.
+    Entry unset(std::string text) { return unset_word = std::move(text), *this; }
     /// A word for the largest number.
     Entry or_max_word(std::string text) { return max_word = std::move(text), *this; }
     /// The value when the flag stands alone.
@@ -29,6 +29,11 @@ struct Entry : Option {
     Entry basic() { return is_basic = true, *this; }
     Entry in_words(std::string allowed) { return values = std::move(allowed), *this; }
     Entry in_units(std::string name) { return unit = std::move(name), *this; }
+    Entry of(Scope what) { return scope = what, *this; }
+    /// Marks a text as the name of a file or folder.
+    Entry path() { return is_path = true, *this; }
+    /// The value that recipe frontier puts in place of the default.
+    Entry with_frontier(std::string value) { return frontier = std::move(value), *this; }
 };
 
 /// The allowed numbers, inclusive.
@@ -46,7 +51,8 @@ template <class T> Entry number(std::string key, T field, Range range, std::stri
              .max = range.max}};
 }
 
-Entry text(std::string key, std::string O::*field, std::string values, std::string help) {
+/// A value whose allowed texts are said in words.
+template <class T> Entry text(std::string key, T field, std::string values, std::string help) {
     return {{.key = std::move(key), .field = field, .help = std::move(help), .values = std::move(values)}};
 }
 
@@ -55,7 +61,7 @@ Entry one_of(std::string key, std::string O::*field, std::vector<std::string> li
     return {{.key = std::move(key), .field = field, .help = std::move(help), .choices = std::move(list)}};
 }
 
-template <Choice T> Entry choice(std::string key, T O::*field, std::string help) {
+template <class Part, Choice T> Entry choice(std::string key, T Part::*field, std::string help) {
     return {{.key = std::move(key), .field = field, .help = std::move(help), .choices = words<T>()}};
 }
 
@@ -63,47 +69,56 @@ Entry flag(std::string key, bool O::*field, std::string help) {
     return {{.key = std::move(key), .field = field, .help = std::move(help)}};
 }
 
-Entry background(std::string key, Background O::*field, std::string help) {
-    return {{.key = std::move(key), .field = field, .help = std::move(help), .values = kBackgroundValues}};
-}
-
 std::vector<Option> input_options() {
     return {
         text("source", &O::source, "folder, file or builtin:NAME",
              "scene: a COLMAP or NeRF-synthetic folder, a transforms.json, or builtin:NAME")
+            .path()
+            .of(Scope::kScene)
             .also("-s")
             .basic(),
         text("model", &O::model, "folder", "output folder; empty: output/SCENE-APPEARANCE-N with the first free N")
+            .of(Scope::kRun)
             .also("-m", "-o", "--output")
             .basic(),
-        text("images", &O::images, "folder name", "image folder inside a COLMAP scene").also("-i"),
-        number("resolution", &O::resolution, {-1, 65536, "divisor or px"},
+        text("images", &O::images, "folder name", "image folder inside a COLMAP scene").of(Scope::kScene).also("-i"),
+        number("resolution", &O::resolution, {1, 65536, "divisor or px"},
                "1, 2, 4, 8: divisor of the image size; larger: width in pixels; -1: full size, at most 1600 wide")
+            .of(Scope::kScene)
+            .unset("-1")
             .in_words("-1, 1, 2, 4, 8, or 16..65536")
             .also("-r")
             .basic(),
-        flag("eval", &O::eval, "hold out test views and measure on them").basic(),
+        flag("eval", &O::eval, "hold out test views and measure on them").of(Scope::kScene).basic(),
         number("test-every", &O::test_every, {0, 1000000, "images"},
-               "with eval: every n-th image of the name-sorted list is a test view; 0: none"),
+               "with eval: every n-th image of the name-sorted list is a test view; 0: none")
+            .of(Scope::kScene),
         text("test-list", &O::test_list, "file",
-             "with eval: file with one test image name per line, instead of test-every"),
+             "with eval: file with one test image name per line, instead of test-every")
+            .path()
+            .of(Scope::kScene),
         choice("mask-mode", &O::mask_mode,
-               "what masks mean: ignore = weight of the loss, transparent = the background shows there"),
-        flag("invert-masks", &O::invert_masks, "masks are white where pixels are to be ignored"),
+               "what masks mean: ignore = weight of the loss, transparent = the background shows there")
+            .of(Scope::kScene),
+        flag("invert-masks", &O::invert_masks, "masks are white where pixels are to be ignored").of(Scope::kScene),
         choice("alpha-mode", &O::alpha_mode,
                "what the alpha channel of photographs means: transparent = the background shows, mask = weight of "
-               "the loss"),
+               "the loss")
+            .of(Scope::kScene),
         text("image-cache", &O::image_cache, "number with KiB, MiB, GiB, KB, MB or GB",
              "memory for decoded images, on the host and again on the GPU; images beyond it are read or sent again "
              "when needed")
+            .of(Scope::kMachine)
             .in_units("bytes"),
         choice("verify-images", &O::verify_images,
                "decode all images before the training: what cannot be decoded is found then and not after hours; auto: "
                "for up to 4000 images")
+            .of(Scope::kMachine)
             .alone("on"),
-        flag("overwrite", &O::overwrite, "replace a run that is already in the output folder").basic(),
+        flag("overwrite", &O::overwrite, "replace a run that is already in the output folder").of(Scope::kCall).basic(),
         text("resume", &O::resume, "file or latest",
              "continue from the latest checkpoint of the output folder; with a file, from that one")
+            .of(Scope::kCall)
             .alone("latest")
             .basic(),
     };
@@ -118,17 +133,21 @@ std::vector<Option> run_options() {
             .basic(),
         text("time-limit", &O::time_limit, "a duration, e.g. 20s, 5m",
              "train for this long instead of for a number of iterations; final pruning and saving included")
+            .unset("")
             .basic(),
         text("size-limit", &O::size_limit, "a number with KB, MB, GB, KiB, MiB or GiB",
              "train a model whose exported file is at most this large; if possible, at least 95 % of it")
+            .unset("")
             .basic(),
         choice("size-of", &O::size_of,
                "the file that size-limit is for: scene.ngsplat of the web export, the PLY, or the .splat file"),
         text("frame-limit", &O::frame_limit, "a duration, e.g. 2ms",
-             "train a model whose frames at 1280x720 take at most this long on this device"),
+             "train a model whose frames at 1280x720 take at most this long on this device")
+            .unset(""),
         number("target-psnr", &O::target_psnr, {0, 60, "dB"},
                "train until every 8th training view, held out for it, has this PSNR on average, then make the model as "
-               "small as that allows; --iterations is the most until it is reached; 0: off"),
+               "small as that allows; --iterations is the most until it is reached; 0: off")
+            .unset("0"),
         choice("recipe", &O::recipe,
                "paper: rates and images as the paper has them; frontier: defaults that give more quality in the same "
                "time (docs/training.md); auto: frontier with a limit or a preset, else paper"),
@@ -136,33 +155,45 @@ std::vector<Option> run_options() {
             "schedule", &O::schedule,
             "progress: rates, degrees and densification follow the share of the run that is done, so that a run of "
             "any length is complete; fixed: they stay at the iterations of a run of 30000, as other programs have it"),
-        number("seed", &O::seed, {}, "seed of every random number of the run").in_words("0..2^64-1"),
-        choice("device", &O::device, "where the model is trained; auto: the GPU if there is one").basic(),
-        number("threads", &O::threads, {0, 1024, "threads"}, "CPU threads; 0: all cores. Results do not depend on it"),
-        number("ranks", &O::ranks, {1, kAllGpus, "processes"},
+        number("seed", &O::seed, {}, "seed of every random number of the run").of(Scope::kRun).in_words("0..2^64-1"),
+        choice("device", &O::device, "where the model is trained; auto: the GPU if there is one")
+            .of(Scope::kScene)
+            .basic(),
+        number("threads", &O::threads, {0, 1024, "threads"}, "CPU threads; 0: all cores. Results do not depend on it")
+            .of(Scope::kMachine),
+        number("ranks", &O::ranks, {1, 4096, "processes"},
                "processes of this machine that train one model together, each with a part of the Gaussians "
                "and, on GPUs, one of its own; all: one for each GPU; torchrun and srun start them on "
                "several machines (docs/ranks.md)")
-            .also("--gpus")
-            .or_max_word("all"),
+            .unset("all")
+            .also("--gpus"),
         number("batch", &O::batch, {0, 100, "views"},
-               "views of which a step takes the mean gradient; each counts as an iteration; 0: one for each rank"),
+               "views of which a step takes the mean gradient; each counts as an iteration; 0: one for each rank")
+            .unset("0"),
         flag("deterministic", &O::deterministic,
              "on the GPU: add in a fixed order, slower, so that runs with equal options give equal bytes on one GPU; "
              "the CPU always does"),
         number("test-iterations", &O::test_iterations, {1, kMaxIterations, "iterations"},
-               "with eval: iterations after which the test views are measured, besides the last; -1: none"),
+               "with eval: iterations after which the test views are measured, besides the last; -1: none")
+            .of(Scope::kRun),
         number("save-iterations", &O::save_iterations, {1, kMaxIterations, "iterations"},
-               "iterations after which the PLY is saved, besides the last; -1: none"),
+               "iterations after which the PLY is saved, besides the last; -1: none")
+            .of(Scope::kRun),
         number("checkpoint-iterations", &O::checkpoint_iterations, {1, kMaxIterations, "iterations"},
-               "iterations after which a checkpoint is saved, besides the last; -1: none"),
+               "iterations after which a checkpoint is saved, besides the last; -1: none")
+            .of(Scope::kRun),
         number("checkpoint-minutes", &O::checkpoint_minutes, {0, 1e6, "minutes"},
                "minutes of training after which a checkpoint is saved at the next multiple of 100 iterations; it "
-               "replaces the one before that was saved for the same reason; 0: never"),
+               "replaces the one before that was saved for the same reason; 0: never")
+            .of(Scope::kRun)
+            .unset("0"),
         number("preview-every", &O::preview_every, {0, kMaxIterations, "iterations"},
-               "save a preview image every n iterations; 0: never"),
-        background("background", &O::background,
-                   "colour behind the scene, in training and evaluation; random: new in every iteration")
+               "save a preview image every n iterations; 0: never")
+            .of(Scope::kRun)
+            .unset("0"),
+        text("background", &O::background, kBackgroundValues,
+             "colour behind the scene, in training and evaluation; random: new in every iteration")
+            .of(Scope::kScene)
             .basic(),
     };
 }
@@ -191,7 +222,7 @@ std::vector<Option> options_of_models(bool rates) {
         if (option.is_rate != rates) continue;
         const Range range{option.min, option.max, option.unit};
         table.push_back(number(option.key, ModelOptionField{option.key, option.is_whole}, range, option.help)
-                            .or_word(option.nan_word));
+                            .unset(option.unset_word));
     }
     return table;
 }
@@ -210,11 +241,12 @@ std::vector<Option> appearance_options() {
             "on, by what that is worth to the training views; auto: 35 %, and fewer as long as that costs little "
             "(auto-tolerance). With recipe paper final-rate is then 0.1 unless it is named, and opacities' rate falls "
             "from 26000 of 30000 on")
-            .or_word("auto")
+            .unset("auto")
             .or_max_word("all"),
         number(
             "appearance-bytes", &O::appearance_bytes, {0, 1e6, "bytes"},
-            "the same as a mean size: 4 bytes a parameter, 3 of them for the base colour; 0: appearance-share decides"),
+            "the same as a mean size: 4 bytes a parameter, 3 of them for the base colour; 0: appearance-share decides")
+            .unset("0"),
         number("auto-tolerance", &O::auto_tolerance, {0, 100, "dB"},
                "with appearance auto: how far the PSNR of the chosen model on the held-out views may be below the "
                "best one's; with appearance-share auto: the last choice ends when the training views have lost a "
@@ -227,7 +259,8 @@ std::vector<Option> start_options() {
         choice("color-activation", &O::color_activation, "function from raw to visible colour"),
         text("init", &O::init, ".ply file or run folder",
              "begin with the Gaussians of this point cloud, of gsapp or another 3DGS program, instead of the scene's "
-             "points; also with another appearance, whose residual then begins at 0"),
+             "points; also with another appearance, whose residual then begins at 0")
+            .path(),
         number("init-points", &O::init_points, {1, 1e8, "Gaussians"},
                "random initialisation only: number of points that are drawn"),
     };
@@ -243,54 +276,65 @@ std::vector<Option> photometric_options() {
              "with ppisp: exposures start from the images' EXIF data, which the controller is told as well"),
         text("ppisp-from", &O::ppisp_from, "file ppisp.json",
              "take the correction, controller included, from another run and keep it as it is; images are matched by "
-             "name. Turns ppisp on"),
-        number("controller-iterations", &O::controller_iterations, {-1, kMaxIterations, "iterations"},
+             "name. Turns ppisp on")
+            .path(),
+        number("controller-iterations", &O::controller_iterations, {0, kMaxIterations, "iterations"},
                "with ppisp: iterations after the training in which a controller learns to predict exposure and "
                "colour of new views from their render; 0: none; -1: a sixth of iterations (fixed: 5000), or a seventh "
-               "of time-limit"),
+               "of time-limit")
+            .unset("-1"),
     };
 }
 
 std::vector<Option> loss_options() {
     return {
-        number("coarse-until", &O::coarse_until, {0, 1}, "share of the training in which images have half their size"),
+        number("coarse-until", &O::coarse_until, {0, 1}, "share of the training in which images have half their size")
+            .with_frontier("0.2"),
         number("lambda-dssim", &O::lambda_dssim, {0, 1}, "weight of 1 - SSIM; the L1 difference has one minus it"),
-        number("opacity-reg", &O::opacity_reg, {0, 10}, "with mcmc: weight of the mean opacity"),
-        number("scale-reg", &O::scale_reg, {0, 10}, "with mcmc: weight of the mean scale"),
+        number("opacity-reg", &O::opacity_reg, {0, 10}, "with mcmc: weight of the mean opacity").with_frontier("0.005"),
+        number("scale-reg", &O::scale_reg, {0, 10}, "with mcmc: weight of the mean scale").with_frontier("0.003"),
     };
 }
 
 std::vector<Option> rate_options() {
     return {
         number("position-lr-init", &O::position_lr_init, {0, 10},
-               "rate of the means at the start, times the scene extent"),
+               "rate of the means at the start, times the scene extent")
+            .with_frontier("2.24e-4"),
         number("position-lr-final", &O::position_lr_final, {0, 10},
-               "rate of the means at the end, times the scene extent; log-linear in between"),
-        number("position-lr-max-steps", &O::position_lr_max_steps, {-1, kMaxIterations, "iterations"},
-               "iteration at which the final rate of the means is reached; -1: 30000 of 30000"),
+               "rate of the means at the end, times the scene extent; log-linear in between")
+            .with_frontier("2.24e-6"),
+        number("position-lr-max-steps", &O::position_lr_max_steps, {1, kMaxIterations, "iterations"},
+               "iteration at which the final rate of the means is reached; -1: 30000 of 30000")
+            .unset("-1"),
         number("scaling-lr", &O::scaling_lr, {0, 10}, "rate of the log scales"),
         number("rotation-lr", &O::rotation_lr, {0, 10}, "rate of the rotations"),
         number("feature-lr", &O::feature_lr, {0, 10},
                "rate of the base colours, as coefficients of SH; what makes colours depend on the view has a rate in "
                "proportion, with sh a twentieth of it"),
         number("opacity-lr", &O::opacity_lr, {0, 10},
-               "rate of the opacity logits; 0: 0.05 with mcmc and with speedy-splat, 0.025 otherwise; auto: 0.025 to "
-               "0.05, the higher the farther apart the cameras are")
-            .or_word("auto"),
+               "rate of the opacity logits; unless named, 0.025 with adc without speedy-splat; auto: 0.025 to 0.05, "
+               "the higher the farther apart the cameras are")
+            .unset("auto"),
         number(
             "base-travel", &O::base_travel, {0, 1000},
             "least product of the first rate of base colours and the iterations, so that in short runs they get where "
-            "they belong"),
+            "they belong")
+            .with_frontier("3.5"),
         number("short-rates", &O::short_rates, {0, 2},
-               "in runs of fewer than 10000 iterations all rates are higher, by this power of 10000/iterations"),
+               "in runs of fewer than 10000 iterations all rates are higher, by this power of 10000/iterations")
+            .with_frontier("0.7"),
         number("far-rate", &O::far_rate, {0, 1},
                "means farther from the cameras' mean than the scene extent have a rate that is higher by this power of "
-               "their distance over the extent"),
+               "their distance over the extent")
+            .with_frontier("1"),
         number("residual-rate", &O::residual_rate, {0, 1000},
-               "factor on the rates of what makes colours depend on the view"),
+               "factor on the rates of what makes colours depend on the view")
+            .with_frontier("3"),
         number("final-rate", &O::final_rate, {0, 1},
                "share of the rates of scales, rotations, opacities and colours that is left at the end; they fall from "
-               "20000 of 30000 on"),
+               "20000 of 30000 on")
+            .with_frontier("0.1"),
         choice(
             "adam", &O::adam,
             "which Gaussians take a step: all, or those that its view shows, which make up for what they missed; the "
@@ -316,35 +360,44 @@ std::vector<Option> densification_options() {
             "largest number of Gaussians; growth stops there, an initial model above it is kept; unless named, 100000 "
             "for built-in scenes")
             .basic(),
-        number("densify-from-iter", &O::densify_from_iter, {-1, kMaxIterations, "iterations"},
-               "first iteration that changes the number of Gaussians; -1: 600 of 30000"),
-        number("densify-until-iter", &O::densify_until_iter, {-1, kMaxIterations, "iterations"},
-               "last iteration that changes the number of Gaussians; -1: 24900 of 30000 with mcmc, 14900 otherwise"),
-        number("densification-interval", &O::densification_interval, {-1, kMaxIterations, "iterations"},
-               "iterations between two changes; -1: 100 of 30000, at least 10"),
+        number("densify-from-iter", &O::densify_from_iter, {0, kMaxIterations, "iterations"},
+               "first iteration that changes the number of Gaussians; -1: 600 of 30000")
+            .unset("-1"),
+        number("densify-until-iter", &O::densify_until_iter, {0, kMaxIterations, "iterations"},
+               "last iteration that changes the number of Gaussians; -1: 24900 of 30000 with mcmc, 14900 otherwise")
+            .unset("-1"),
+        number("densification-interval", &O::densification_interval, {1, kMaxIterations, "iterations"},
+               "iterations between two changes; -1: 100 of 30000, at least 10")
+            .unset("-1"),
         number("densify-grad-threshold", &O::densify_grad_threshold, {0, 1},
                "with adc: mean image-space gradient above which a Gaussian is cloned or split"),
         number("percent-dense", &O::percent_dense, {0, 1},
                "with adc: share of the scene extent above which a growing Gaussian is split instead of cloned"),
-        number("opacity-reset-interval", &O::opacity_reset_interval, {-1, kMaxIterations, "iterations"},
-               "with adc: iterations between two opacity resets; -1: 3000 of 30000"),
+        number("opacity-reset-interval", &O::opacity_reset_interval, {1, kMaxIterations, "iterations"},
+               "with adc: iterations between two opacity resets; -1: 3000 of 30000")
+            .unset("-1"),
         choice("growth-by", &O::growth_by,
                "with mcmc: which Gaussians are copied to grow; opacity = the more opaque the likelier, gradient = also "
-               "the larger the gradients of their colour"),
-        number("noise-lr", &O::noise_lr, {0, 1e9}, "with mcmc: strength of the noise on the means, times their rate"),
+               "the larger the gradients of their colour")
+            .with_frontier("gradient"),
+        number("noise-lr", &O::noise_lr, {0, 1e9}, "with mcmc: strength of the noise on the means, times their rate")
+            .with_frontier("3.5e5"),
     };
 }
 
 std::vector<Option> logging_options() {
     return {
-        flag("quiet", &O::quiet, "no progress and no messages below warnings").also("-q").basic(),
+        flag("quiet", &O::quiet, "no progress and no messages below warnings").of(Scope::kMachine).also("-q").basic(),
         flag("verbose", &O::verbose,
              "messages of level debug, too; the options in force, the plan, the files that are read but for images")
+            .of(Scope::kMachine)
             .also("-v")
             .basic(),
         text("tensorboard", &O::tensorboard, "folder",
              "folder for an event file of TensorBoard with loss, scores, number of Gaussians, learning rates and "
-             "pictures; of several runs each has a folder in it; empty: none"),
+             "pictures; of several runs each has a folder in it; empty: none")
+            .path()
+            .of(Scope::kRun),
     };
 }
 

@@ -23,12 +23,12 @@ void require_same_appearance(const AppearanceSpec& found, const AppearanceSpec& 
         file, describe(found), describe(wanted)));
 }
 
-AppearanceSpec appearance_spec(const TrainOptions& options) {
+AppearanceSpec appearance_spec(const AppearanceOptions& options) {
     const ModelInfo& info = appearance_model(options.appearance);
     AppearanceSpec spec;
     spec.model = info.name;
     spec.max_degree =
-        info.degree_option.empty() ? info.default_max_degree : int(options.model_options.at(info.degree_option));
+        info.degree_option.empty() ? info.default_max_degree : int(*options.model_options.at(info.degree_option));
     spec.activation = options.color_activation;
     return spec;
 }

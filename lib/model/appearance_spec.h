@@ -10,7 +10,7 @@
 namespace gs {
 
 /// Returns the options' appearance as the kernels take it. Throws UsageError for unknown names.
-AppearanceSpec appearance_spec(const TrainOptions& options);
+AppearanceSpec appearance_spec(const AppearanceOptions& options);
 
 /// Describes the appearance for messages: "sh, max degree 3, relu".
 std::string describe(const AppearanceSpec& spec);

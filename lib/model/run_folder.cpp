@@ -370,10 +370,10 @@ std::string why_no_checkpoint(const fs::path& run_folder) {
         return killed;
     }
     options.model = run_folder.string();
-    if (!options.time_limit.empty())
+    if (options.time_limit)
         return ": its run ended before the first checkpoint or is complete, and under a time limit no checkpoint is "
                "written at the end; train anew with --overwrite in place of --resume";
-    if (ends_by_iterations(options) && ended_at(options))
+    if (options.ends_by_iterations() && ended_at(options))
         return ": its run is complete, but its checkpoints are gone; train anew with --overwrite, or begin another run "
                "with its Gaussians (--init)";
     return killed;
@@ -415,16 +415,14 @@ std::optional<std::int64_t> latest_saved(const fs::path& run_folder) {
     return latest;
 }
 
-void write_cfg_args(const RunFolder& folder, const TrainOptions& options) {
+std::string cfg_args(const RunFolder& folder, const TrainOptions& options) {
     const auto flag = [](bool value) { return value ? "True" : "False"; };
-    write_text_atomic(
-        folder.cfg_args(),
-        fmt::format("Namespace(data_device='cuda', eval={}, images={}, model_path={}, resolution={}, sh_degree={}, "
+    return fmt::format("Namespace(data_device='cuda', eval={}, images={}, model_path={}, resolution={}, sh_degree={}, "
                     "source_path={}, white_background={})",
                     flag(options.eval), quoted(options.images), quoted(absolute_path(folder.root.string())),
-                    options.resolution,
+                    options.resolution.value_or(-1),
                     appearance_model(options.appearance).plain_sh ? appearance_spec(options).max_degree : 0,
-                    quoted(absolute_path(options.source)), flag(options.background.always(1, 1, 1))));
+                    quoted(absolute_path(options.source)), flag(options.background.always(1, 1, 1)));
 }
 
 void write_input_points(const RunFolder& folder, const PointCloud& points, const Frame& frame) {
@@ -453,7 +451,7 @@ void write_input_points(const RunFolder& folder, const PointCloud& points, const
 
 std::optional<std::int64_t> ended_at(const TrainOptions& options) {
     try {
-        const std::int64_t last = ends_by_iterations(options) ? options.iterations : latest_point_cloud(options.model);
+        const std::int64_t last = options.ends_by_iterations() ? options.iterations : latest_point_cloud(options.model);
         if (path_exists(RunFolder{options.model}.point_cloud(last))) return last;
     } catch (const DataError&) {  // no point cloud yet
     }

@@ -105,7 +105,7 @@ std::optional<std::int64_t> ended_at(const TrainOptions& options);
 
 /// Writes cfg_args, the Namespace(...) text of the 3DGS trainer. sh_degree is that of the PLY: 0 for models that are
 /// not plain spherical harmonics.
-void write_cfg_args(const RunFolder& folder, const TrainOptions& options);
+std::string cfg_args(const RunFolder& folder, const TrainOptions& options);
 
 /// Writes input.ply: x y z nx ny nz (float, normals 0) red green blue (uchar). Points are in the frame; the file has
 /// the coordinates of the run's other PLY files.

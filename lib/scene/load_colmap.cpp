@@ -32,11 +32,11 @@ std::vector<std::string> scaled_folders(const fs::path& scene, const std::string
 fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options, SourceScene& out) {
     const bool divisor = options.resolution == 2 || options.resolution == 4 || options.resolution == 8;
     if (divisor) {
-        const fs::path scaled = scene / fmt::format("{}_{}", options.images, options.resolution);
+        const fs::path scaled = scene / fmt::format("{}_{}", options.images, *options.resolution);
         if (folder_exists(scaled)) {
-            out.prescaled = options.resolution;
+            out.prescaled = *options.resolution;
             out.notes.push_back(fmt::format("images: {} as they are, for resolution {}", scaled.filename().string(),
-                                            options.resolution));
+                                            *options.resolution));
             return scaled;
         }
     }
@@ -48,7 +48,7 @@ fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options,
         throw DataError(
             fmt::format("{}: image folder '{}' does not exist, of whose size --resolution {} is a part; there are {}: "
                         "take --images {}",
-                        scene.string(), options.images, options.resolution, fmt::join(scaled, ", "), scaled[0]));
+                        scene.string(), options.images, *options.resolution, fmt::join(scaled, ", "), scaled[0]));
     out.facts.push_back(fmt::format("images: {}, because there is no folder '{}'", scaled[0], options.images));
     return scene / scaled[0];
 }

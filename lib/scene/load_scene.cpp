@@ -25,10 +25,10 @@ namespace {
 namespace fs = std::filesystem;
 
 void check_options(const SceneOptions& options) {
-    const int r = options.resolution;
+    const int r = options.resolution.value_or(1);
     // Other small numbers are mistyped divisors, not widths.
-    if (r != -1 && r != 1 && r != 2 && r != 4 && r != 8 && r < 16)
-        throw UsageError(fmt::format("resolution is {}; must be -1, 1, 2, 4, 8 or a width of at least 16 pixels", r));
+    if (r != 1 && r != 2 && r != 4 && r != 8 && r < 16)
+        throw UsageError(fmt::format("resolution is {}; must be 1, 2, 4, 8 or a width of at least 16 pixels", r));
     if (options.test_every < 0)
         throw UsageError(fmt::format("test_every is {}; must be at least 0", options.test_every));
 }
@@ -389,10 +389,23 @@ double camera_extent(const std::vector<View>& views, const PointCloud& points) {
     return std::max(1e-2 * (high - low).norm(), 1e-6);
 }
 
-Scene load_scene(const SceneOptions& options) {
+namespace {
+
+constexpr std::string_view kBuiltin = "builtin:";
+
+bool is_builtin(const std::string& source) { return source.starts_with(kBuiltin); }
+
+/// Returns the folder of the scene, also if `source` names a file in it.
+fs::path scene_folder(const std::string& source) {
+    const fs::path path = canonical_path(source);
+    return path_exists(path) && !folder_exists(path) ? path.parent_path() : path;
+}
+
+}  // namespace
+
+Scene load_scene(const SceneOptions& options, const LoadRules& rules) {
     check_options(options);
-    constexpr std::string_view kBuiltin = "builtin:";
-    if (options.source.starts_with(kBuiltin)) {
+    if (is_builtin(options.source)) {
         Scene scene = load_builtin_scene(options.source.substr(kBuiltin.size()), options);
         if (options.images != SceneOptions().images)
             scene.notes.push_back(
@@ -406,13 +419,13 @@ Scene load_scene(const SceneOptions& options) {
     scene.kind = source.kind;
     scene.image_folder = source.image_folder;
     replace_lenses(source);
-    scene.frame = options.frame ? *options.frame : choose_frame(camera_centers(source.views), source.points.positions);
+    scene.frame = rules.frame ? *rules.frame : choose_frame(camera_centers(source.views), source.points.positions);
     scene.notes = std::move(source.notes);
     scene.facts = std::move(source.facts);
     if (!options.eval && !options.test_list.empty()) scene.notes.push_back("a test list without --eval: ignored");
 
     std::vector<ViewRole> roles = choose_roles(source, options, scene.split_rule);
-    remove_unused(source, roles, options.scores);
+    remove_unused(source, roles, rules.scores);
     note_far_cameras(source.views, scene.notes);
     describe_masks(source, scene);
     ViewBuilder builder(options, source.prescaled);
@@ -423,7 +436,7 @@ Scene load_scene(const SceneOptions& options) {
     for (std::string& line : builder.notes()) scene.notes.push_back(std::move(line));
     for (std::string& line : builder.facts()) scene.facts.push_back(std::move(line));
     number_cameras(scene);
-    if (options.exif) add_exposures(source.views, roles, scene);
+    if (options.ppisp_exif) add_exposures(source.views, roles, scene);
     scene.has_alpha = builder.has_alpha();
 
     check_points(scene);
@@ -434,6 +447,15 @@ Scene load_scene(const SceneOptions& options) {
                         "{:.3g} from its points; without parallax there is no depth to learn",
                         scene.train.size(), scene.extent / scene.frame.scale));
     return scene;
+}
+
+std::string scene_name(const std::string& source) {
+    if (!is_builtin(source)) return scene_folder(source).filename().string();
+    return fs::path(source.substr(kBuiltin.size())).stem().string();  // of a file builtin:FILE.yaml
+}
+
+std::string dataset_name(const std::string& source) {
+    return is_builtin(source) ? "builtin" : scene_folder(source).parent_path().filename().string();
 }
 
 }  // namespace gs

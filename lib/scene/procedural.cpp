@@ -20,14 +20,14 @@ using procedural::Description;
 /// Applies `resolution` as for photographs: 1, 2, 4, 8 divide, larger values are the width in pixels. -1 keeps the
 /// scene's own size.
 void apply_resolution(procedural::CameraRig& rig, int resolution) {
-    if (resolution == -1 || resolution == 1) return;
+    if (resolution == 1) return;
     const int width = rig.width;
     if (resolution == 2 || resolution == 4 || resolution == 8)
         rig.width = int(std::lround(double(width) / resolution));
     else if (resolution > 8)
         rig.width = resolution;
     else
-        throw UsageError(fmt::format("resolution {} is neither -1, 1, 2, 4, 8 nor a width above 8 pixels", resolution));
+        throw UsageError(fmt::format("resolution {} is neither 1, 2, 4, 8 nor a width above 8 pixels", resolution));
     rig.height = std::max(1, int(std::lround(double(rig.height) * rig.width / width)));
 }
 
@@ -100,7 +100,7 @@ std::vector<std::string> builtin_scene_names() { return procedural::embedded_sce
 
 Scene load_builtin_scene(const std::string& name, const SceneOptions& options) {
     Description description = procedural::load_description(name);
-    apply_resolution(description.cameras, options.resolution);
+    apply_resolution(description.cameras, options.resolution.value_or(1));
     Scene scene;
     scene.source = "builtin:" + name;
     scene.kind = "builtin";

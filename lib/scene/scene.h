@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "lib/core/choices.h"
+#include "lib/core/train_options.h"
 #include "lib/io/image.h"
 
 namespace gs {
@@ -55,7 +55,7 @@ struct View {
     int camera_id = 0;
     std::string mask_file;  ///< where its mask comes from; empty without one
     /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty where the file does not say, or nobody asked
-    /// (SceneOptions::exif).
+    /// (SceneOptions::ppisp_exif).
     std::optional<double> exif_exposure;
 };
 
@@ -91,25 +91,22 @@ struct Scene {
     std::vector<std::string> facts;  ///< what was found and is as it should be: one line each
 };
 
-struct SceneOptions {
-    std::string source;
-    std::string images = "images";
-    int resolution = -1;    ///< 1,2,4,8 = divisor; larger = width in pixels; -1 = at most 1600 px, with a note
-    bool eval = false;      ///< hold out test views
-    int test_every = 8;     ///< every n-th view of the name-sorted list is a test view; 0 = none
-    std::string test_list;  ///< file with one image name per line; overrides test_every
-    MaskMode mask_mode = MaskMode::kIgnore;
-    bool invert_masks = false;
-    AlphaMode alpha_mode = AlphaMode::kTransparent;  ///< for RGBA photographs
-    bool exif = false;  ///< read View::exif_exposure, which opens every image file once more
-    std::uint64_t seed = 0;
+/// How a scene is loaded beside a run's options.
+struct LoadRules {
     std::optional<Frame> frame = {};  ///< frame of a model made before; empty = the scene's own
     bool scores = false;  ///< test views are to be scored: one that cannot be read is an error instead of left out
 };
 
 /// Loads a COLMAP folder, NeRF-synthetic folder, transforms.json folder/file, or "builtin:NAME". Throws DataError
 /// naming file, field and value, and UsageError for invalid options.
-Scene load_scene(const SceneOptions& options);
+Scene load_scene(const SceneOptions& options, const LoadRules& rules = {});
+
+/// Returns the scene's name for folders and tables: that of its folder, or what follows "builtin:" (of a file its
+/// stem).
+std::string scene_name(const std::string& source);
+
+/// Returns the name of the scene's dataset: "builtin", or the name of the folder that contains the scene's folder.
+std::string dataset_name(const std::string& source);
 
 /// Returns the number of views and a hash of their names ("12 9c0f..."): equal for the same views in the same order.
 std::string view_digest(const std::vector<View>& views);

@@ -187,16 +187,16 @@ ViewImage undistort(const ViewImage& in, const LensCamera& lens, const Camera& p
 }
 
 std::pair<int, int> ViewBuilder::training_size(int width, int height) {
-    const int resolution = prescaled_ > 1 ? 1 : options_.resolution;
+    const std::optional<int> resolution = prescaled_ > 1 ? 1 : options_.resolution;
     if (resolution == 1) return {width, height};
     if (resolution == 2 || resolution == 4 || resolution == 8)
-        return {scaled_size(width, resolution), scaled_size(height, resolution)};
-    const int target = resolution == -1 ? kDefaultMaxWidth : resolution;
+        return {scaled_size(width, *resolution), scaled_size(height, *resolution)};
+    const int target = resolution.value_or(kDefaultMaxWidth);
     if (width <= target) {
-        kept_small_ += resolution != -1 && width < target;
+        kept_small_ += resolution && width < target;
         return {width, height};
     }
-    capped_ += resolution == -1;
+    capped_ += !resolution;
     return {target, scaled_size(height, double(width) / target)};
 }
 
@@ -244,7 +244,7 @@ std::vector<std::string> ViewBuilder::notes() const {
                         capped_, kDefaultMaxWidth, resized_example_));
     if (kept_small_ > 0)
         lines.push_back(
-            fmt::format("{} images are narrower than {} px: not enlarged", kept_small_, options_.resolution));
+            fmt::format("{} images are narrower than {} px: not enlarged", kept_small_, *options_.resolution));
     return lines;
 }
 

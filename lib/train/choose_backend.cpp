@@ -6,7 +6,7 @@
 
 #include "kernels/base/error.h"
 #include "kernels/cuda/cuda_device.h"
-#include "lib/core/bytes.h"
+#include "lib/core/quantities.h"
 #include "lib/core/log.h"
 
 namespace gs {
@@ -25,7 +25,7 @@ void try_device(Device device) {
 
 BackendOptions backend_options(const TrainOptions& options) {
     return {.deterministic = options.deterministic,
-            .image_budget = std::int64_t(parse_bytes(options.image_cache)),
+            .image_budget = std::int64_t(options.image_cache.count),
             .min_alpha = kMinAlpha * options.alpha_cutoff,
             .min_transmittance = options.transmittance_cutoff,
             .half_residuals = options.appearance_storage == AppearanceStorage::kFp16,

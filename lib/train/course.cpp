@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "kernels/base/error.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 
 namespace gs {
 namespace {
@@ -59,9 +59,9 @@ std::int64_t wanted_steps(std::size_t num_views) {
     return std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps));
 }
 
-Course::Course(const TrainOptions& options, std::size_t num_views)
+Course::Course(const ScheduleOptions& options, std::size_t num_views)
     : options_(options),
-      limit_(options.time_limit.empty() ? 0 : parse_duration(options.time_limit, "option time-limit")),
+      limit_(options.time_limit ? options.time_limit->seconds : 0),
       wanted_steps_(gs::wanted_steps(num_views)) {
     if (!limits_time()) resume(0, 0);
 }
@@ -89,7 +89,7 @@ void Course::start(const TimeCosts& costs, std::int64_t count) {
         throw UsageError(
             fmt::format("option time-limit: {} is too short: saving {} Gaussians alone takes {:.2f} s here; the "
                         "shortest limit is {:g}s",
-                        options_.time_limit, count, limit_ - budget_->for_steps(count), std::ceil(20 * least) / 20));
+                        options_.time_limit->text(), count, limit_ - budget_->for_steps(count), std::ceil(20 * least) / 20));
     first_iteration_ = moment_.iteration;
     const double position = kReferenceIterations * budget_->progress(count);
     moment_ = {moment_.iteration, position, position - 1};

@@ -73,8 +73,7 @@ std::int64_t wanted_steps(std::size_t num_views);
 /// Leads a run from its first step to its last.
 class Course {
   public:
-    /// `options` must be validated and outlive the object.
-    Course(const TrainOptions& options, std::size_t num_views);
+    Course(const ScheduleOptions& options, std::size_t num_views);
 
     /// Continues after `iteration` steps, which took `used` seconds of a time limit.
     void resume(std::int64_t iteration, double used);
@@ -120,7 +119,7 @@ class Course {
     bool ends_here() const;
     void advance_stretch(std::int64_t count);
 
-    const TrainOptions& options_;
+    const ScheduleOptions options_;
     double limit_;  ///< seconds; 0 = none
     const std::int64_t wanted_steps_;
     double charged_ = 0, used_ = 0;

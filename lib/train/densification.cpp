@@ -37,7 +37,7 @@ double stretched(double interval, double least_steps, const Moment& moment) {
 
 }  // namespace
 
-DensificationWindow::DensificationWindow(const TrainOptions& options)
+DensificationWindow::DensificationWindow(const DensificationOptions& options)
     : from(options.densify_from_iter, 600),
       until(options.densify_until_iter, options.strategy == Strategy::kMcmc ? 24900 : 14900),
       interval(options.densification_interval, kInterval) {}
@@ -54,6 +54,8 @@ bool DensificationWindow::due(const Moment& moment) const {
 DensificationSchedule::DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance,
                                              double extent, bool black_background, std::vector<RenderRequest> views)
     : options_(options),
+      cap_(options.cap_max),
+      seed_(options.seed),
       initial_degree_(appearance_model(appearance.model).initial_degree),
       max_degree_(appearance.max_degree),
       degree_(std::min(initial_degree_, max_degree_)),
@@ -82,13 +84,13 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, const Momen
         p.dense_fraction = float(options_.percent_dense);
         p.extent = float(extent_);
         p.prune_large = moment.position > kPruneLargeFrom;
-        p.cap = most ? most() : options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify({p, moment.iteration, options_.seed});
+        p.cap = most ? most() : cap_;
+        static_cast<DensifyStats&>(change) = backend.densify({p, moment.iteration, seed_});
     } else if (due) {
         McmcParams p;
         p.by_gradient = options_.growth_by == GrowthBy::kGradient;
-        p.cap = most ? most() : options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify({p, moment.iteration, options_.seed});
+        p.cap = most ? most() : cap_;
+        static_cast<DensifyStats&>(change) = backend.densify({p, moment.iteration, seed_});
     }
     // Prune before the opacity reset, after which all Gaussians look alike.
     if (prunes_by_score(moment) && !window_.until.exceeded(moment)) prune(backend, kSoftRatio, change);

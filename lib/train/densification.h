@@ -16,7 +16,7 @@ inline constexpr double kDegreeInterval = 1000;
 
 /// The part of a run in which the number of Gaussians changes.
 struct DensificationWindow {
-    explicit DensificationWindow(const TrainOptions& options);
+    explicit DensificationWindow(const DensificationOptions& options);
     Mark from, until, interval;
 
     /// Returns whether an interval inside the window ends at `moment`. In short runs intervals are longer than their
@@ -33,7 +33,7 @@ struct ScheduledChange : DensifyStats {
 /// reset), and the pruning after a step.
 class DensificationSchedule {
   public:
-    /// `options` must be validated and outlive the object. `black_background` spares ADC its early extra reset. `views`
+    /// `black_background` spares ADC its early extra reset. `views`
     /// are all training views, for the scores of Speedy-Splat's pruning. `extent` is in frame units.
     DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent,
                           bool black_background, std::vector<RenderRequest> views);
@@ -58,7 +58,9 @@ class DensificationSchedule {
     bool prunes_by_score(const Moment& moment) const;
     void prune(Backend& backend, double ratio, ScheduledChange& change) const;
 
-    const TrainOptions& options_;
+    const DensificationOptions options_;
+    const std::int64_t cap_;
+    const std::uint64_t seed_;
     int initial_degree_, max_degree_, degree_;
     double extent_;
     bool black_background_;

@@ -50,7 +50,7 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
       short_rates_(options.short_rates),
       base_travel_(options.base_travel),
       opacities_fall_from_(
-          options.recipe != Recipe::kFrontier && takes_residuals_away(options) ? kMixedOpacitiesFallFrom : kFallFrom),
+          options.recipe != Recipe::kFrontier && options.takes_residuals_away() ? kMixedOpacitiesFallFrom : kFallFrom),
       extent_(float(scene.extent)),
       far_rate_(float(options.far_rate)) {
     const Eigen::Vector3f center = mean_camera_center(scene.train).cast<float>();
@@ -61,7 +61,7 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
 }
 
 void LearningRates::log(const TrainOptions& options) const {
-    if (std::isnan(options.opacity_lr))
+    if (!options.opacity_lr)
         log_debug("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
     double residual = 0;
     for (const Schedule& column : appearance_.residual) residual = std::max(residual, column.initial);
@@ -100,8 +100,8 @@ void LearningRates::apply(const Moment& moment, StepRequest& request) const {
     request.noise = float(noise_ * means / gain);
 }
 
-double opacity_rate(double opacity_lr, double camera_spacing) {
-    if (!std::isnan(opacity_lr)) return opacity_lr;
+double opacity_rate(const std::optional<double>& opacity_lr, double camera_spacing) {
+    if (opacity_lr) return *opacity_lr;
     return std::clamp(0.025 * std::pow(kNeutral / camera_spacing, -0.6), 0.025, 0.05);
 }
 

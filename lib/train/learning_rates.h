@@ -33,10 +33,10 @@ class LearningRates {
     float extent_, far_rate_;
 };
 
-/// Returns the rate of the opacity logits: `opacity_lr`, or if that is NaN (auto) 0.025 (0.3536/d)^-0.6 for cameras
+/// Returns the rate of the opacity logits: `opacity_lr`, or without one (auto) 0.025 (0.3536/d)^-0.6 for cameras
 /// `camera_spacing` = d apart, kept in 0.025..0.05. This is close to the default of ADC in dense captures and to that
 /// of MCMC in sparse ones.
-double opacity_rate(double opacity_lr, double camera_spacing);
+double opacity_rate(const std::optional<double>& opacity_lr, double camera_spacing);
 
 /// Returns the mean distance of a training camera to its 3 nearest neighbours, frame units, at least 1e-6. For a single
 /// camera it is 0.3536, the distance that leaves rates as they are.

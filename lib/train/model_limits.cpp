@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "kernels/base/error.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 #include "lib/core/log.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
@@ -30,13 +30,13 @@ constexpr double kAim = 0.98, kLeastPruned = 0.02, kMostPruned = 0.5;
 
 }  // namespace
 
-ModelLimits::ModelLimits(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
+ModelLimits::ModelLimits(const LimitOptions& options, const Scene& scene, const Vec3<float>& background,
                          std::int64_t most_at_end)
     : options_(options),
       scene_(scene),
       background_(background),
       most_at_end_(most_at_end),
-      frame_limit_(options.frame_limit.empty() ? 0 : parse_duration(options.frame_limit, "option frame-limit")) {}
+      frame_limit_(options.frame_limit ? options.frame_limit->seconds : 0) {}
 
 std::vector<RenderRequest> ModelLimits::views() const {
     std::vector<RenderRequest> views(scene_.train.size());
@@ -77,7 +77,7 @@ void ModelLimits::require_feasible(Backend& backend, const Gaussians& smallest) 
     if (least > kAim * frame_limit_)
         throw UsageError(
             fmt::format("option frame-limit: {}: a frame of 1280x720 with one Gaussian takes {:.2g} ms on this device",
-                        options_.frame_limit, 1e3 * least));
+                        options_.frame_limit->text(), 1e3 * least));
 }
 
 std::int64_t ModelLimits::most_now(Backend& backend) {
@@ -120,7 +120,7 @@ void ModelLimits::prune(Backend& backend) const {
         const double count = double(backend.count()), seconds = frame_seconds(backend);
         if (seconds <= frame_limit_) return;
         if (round == kPruneRounds) {
-            log_warning("frame limit {}: {} Gaussians still take {:.3g} ms", options_.frame_limit, backend.count(),
+            log_warning("frame limit {}: {} Gaussians still take {:.3g} ms", options_.frame_limit->text(), backend.count(),
                         1e3 * seconds);
             return;
         }

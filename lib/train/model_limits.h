@@ -16,10 +16,12 @@ namespace gs {
 class ModelLimits {
   public:
     /// `most_at_end` is the largest number of Gaussians of the final model, 0 without a limit. `background` is that of
-    /// all frames. The references must outlive the object; `options` must be validated.
-    ModelLimits(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
+    /// all frames. The references must outlive the object; `options` must be resolved.
+    ModelLimits(const LimitOptions& options, const Scene& scene, const Vec3<float>& background,
                 std::int64_t most_at_end);
 
+    /// Returns whether there is a --frame-limit.
+    bool limits_frames() const { return frame_limit_ > 0; }
     /// Returns requests for all training views.
     std::vector<RenderRequest> views() const;
     /// Returns the mean seconds of a frame of the first training views, whose sides are `factor` times smaller.
@@ -47,7 +49,7 @@ class ModelLimits {
     void prune_to(Backend& backend, std::int64_t most, const char* asks) const;
 
   private:
-    const TrainOptions& options_;
+    const LimitOptions options_;
     const Scene& scene_;
     const Vec3<float> background_;
     const std::int64_t most_at_end_;

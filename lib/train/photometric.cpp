@@ -144,8 +144,14 @@ double ppisp_rate(double rate, double distance) {
     return rate * (n < kWarmUp ? kFirst + (1 - kFirst) * n / kWarmUp : std::pow(kLast, (n - kWarmUp) / kDecay));
 }
 
-Photometric::Photometric(const TrainOptions& options, const Scene& scene) : options_(options), scene_(scene) {
-    file_.exif = options.ppisp_exif;
+Photometric::Photometric(const TrainOptions& options, const Scene& scene)
+    : options_(options),
+      exif_(options.ppisp_exif),
+      seed_(options.seed),
+      longest_hold_(options.schedule == ScheduleKind::kFixed ? std::min(kLongestHold, double(options.iterations / 3))
+                                                             : kLongestHold),
+      scene_(scene) {
+    file_.exif = exif_;
     double known = 0;
     for (const View& view : scene.train) {
         file_.frames.push_back({view.name, view.camera_id, view.exif_exposure});
@@ -157,7 +163,7 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
         initial_ = begin();
     active_ = initial_.active();
     const Moment last = moment_at(options, options.iterations - 1);
-    if (options.ppisp == PpispMode::kAuto && ends_by_iterations(options) && !may_decide(last.position, last.iteration))
+    if (options.ppisp == PpispMode::kAuto && options.ends_by_iterations() && !may_decide(last.position, last.iteration))
         log_warning("--ppisp auto needs {} iterations to decide, but this run has {}: PPISP stays off",
                     1 + std::max(kLeastIterations, std::int64_t(kPhotometricDecision / last.stride())),
                     options.iterations);
@@ -179,7 +185,7 @@ float Photometric::prior(std::size_t view) const {
 
 void Photometric::take_from(const std::filesystem::path& path) {
     PpispFile from = read_ppisp_json(path);
-    if (from.exif != options_.ppisp_exif)
+    if (from.exif != exif_)
         throw UsageError(fmt::format(
             "option ppisp-from: {} was made {} --ppisp-exif, which its controller depends on; {} it here as well",
             path.string(), from.exif ? "with" : "without", from.exif ? "give" : "leave out"));
@@ -250,10 +256,7 @@ std::optional<PhotometricDecision> Photometric::decide(
 }
 
 bool Photometric::holds_view_dependence(Backend& backend, const Moment& moment) {
-    const double longest = options_.schedule == ScheduleKind::kFixed
-                               ? std::min(kLongestHold, double(options_.iterations / 3))
-                               : kLongestHold;
-    if (!active_ || frozen_ || moment.position >= longest) return false;
+    if (!active_ || frozen_ || moment.position >= longest_hold_) return false;
     const PpispState state = backend.download_ppisp();
     double mean = 0, square = 0;
     for (int f = 0; f < state.num_frames; ++f) {
@@ -279,7 +282,7 @@ void Photometric::apply(std::size_t view, const Moment& moment, StepRequest& req
 
 void Photometric::add_controllers(Backend& backend) const {
     PpispState state = backend.download_ppisp();
-    initialize_controller(state, options_.seed);
+    initialize_controller(state, seed_);
     backend.upload_ppisp(state);
 }
 

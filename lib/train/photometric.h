@@ -117,7 +117,10 @@ class Photometric {
     void take_from(const std::filesystem::path& path);
     float prior(std::size_t view) const;
 
-    const TrainOptions& options_;
+    const PhotometricOptions options_;
+    const bool exif_;
+    const std::uint64_t seed_;
+    const double longest_hold_;  ///< position from which on colours depend on the view in any case
     const Scene& scene_;
     PpispFile file_;  ///< the fields of ppisp.json besides the numbers
     PpispState initial_;

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <map>
-#include <set>
 
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
@@ -14,7 +13,7 @@
 #include "lib/core/options.h"
 #include "lib/core/version.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 #include "lib/train/sharded_backend.h"
 #include "lib/train/step_composer.h"
 #include "lib/train/training_views.h"
@@ -24,11 +23,9 @@ namespace {
 
 /// Returns the build and all options in which ranks must agree, a line each.
 std::string agreed_text(const TrainOptions& options) {
-    // Each rank may have its own number of threads and say as much as it likes.
-    static const std::set<std::string> own = {"threads", "quiet", "verbose"};
     std::string text = version_text() + "\n" + (uses_cuda(options.device) ? "a GPU\n" : "the CPU\n");
     for (const Option& option : train_option_table())
-        if (!own.contains(option.key)) text += "--" + option.key + " " + option_text(option, options) + "\n";
+        if (option.scope != Scope::kMachine) text += "--" + option.key + " " + option_text(option, options) + "\n";
     return text;
 }
 
@@ -90,9 +87,7 @@ void follow_training(RankTeam& team, TrainOptions options) {
         agree_on_options(team, options);
         options.threads = threads_of_rank(team, options.threads);
         set_num_threads(options.threads);
-        SceneOptions choices = scene_options(options);
-        choices.scores = false;
-        const Scene loaded = load_scene(choices);
+        const Scene loaded = load_scene(options);
         follow_backends(team, [&](MessageReader& about_targets) -> TargetSource {
             const auto trained = std::make_shared<TrainedScene>(options, loaded, about_targets);
             trained->views.deal(trained->views_per_step, [&](int k) { return k % team.size() == team.rank(); });

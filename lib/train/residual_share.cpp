@@ -97,22 +97,21 @@ double mean_loss(const std::vector<double>& before, const std::vector<double>& a
 
 }  // namespace
 
-std::optional<double> wanted_residual_share(const TrainOptions& options, const AppearanceSpec& appearance) {
+std::optional<double> wanted_residual_share(const AppearanceOptions& options, const AppearanceSpec& appearance) {
     const int base = group_width(Group::kBase, appearance), residual = group_width(Group::kResidual, appearance);
-    if (options.appearance_bytes > 0) {
-        const double floats = options.appearance_bytes / double(sizeof(float));
+    if (options.appearance_bytes) {
+        const double floats = *options.appearance_bytes / double(sizeof(float));
         if (floats < base)
             throw UsageError(fmt::format("option appearance-bytes: {:g} is less than the {} bytes of a base colour",
-                                         options.appearance_bytes, base * sizeof(float)));
+                                         *options.appearance_bytes, base * sizeof(float)));
         return residual > 0 ? std::min(1.0, (floats - base) / residual) : 1;
     }
     if (residual == 0) return 1;
-    if (std::isnan(options.appearance_share)) return std::nullopt;
     return options.appearance_share;
 }
 
-ResidualShare::ResidualShare(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene)
-    : options_(options), scene_(scene), share_(wanted_residual_share(options, appearance)) {}
+ResidualShare::ResidualShare(const AppearanceOptions& options, const AppearanceSpec& appearance, const Scene& scene)
+    : tolerance_(options.auto_tolerance), scene_(scene), share_(wanted_residual_share(options, appearance)) {}
 
 std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const Moment& moment,
                                                          const StepSource& step_on) const {
@@ -136,7 +135,7 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
         change.after = kept;
         if (!searches) return change;
         change.loss = mean_loss(errors, view_errors(backend, num_views, step_on));
-        if (kept == 0 || !(change.loss < kPartAtOnce * options_.auto_tolerance)) return change;
+        if (kept == 0 || !(change.loss < kPartAtOnce * tolerance_)) return change;
         move_rows(scores.mean_base, marks);
     }
 }

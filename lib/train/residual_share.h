@@ -22,7 +22,7 @@ inline constexpr double kMostAutoShare = 0.35;
 
 /// Returns the share of Gaussians that options.appearance_bytes or appearance_share asks for, 1 for a model without
 /// residuals; nothing where the tolerance decides. Throws UsageError for fewer bytes than a base colour takes.
-std::optional<double> wanted_residual_share(const TrainOptions& options, const AppearanceSpec& appearance);
+std::optional<double> wanted_residual_share(const AppearanceOptions& options, const AppearanceSpec& appearance);
 
 /// What became of the residuals.
 struct ResidualChange {
@@ -34,7 +34,7 @@ struct ResidualChange {
 class ResidualShare {
   public:
     /// All arguments must outlive the object.
-    ResidualShare(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene);
+    ResidualShare(const AppearanceOptions& options, const AppearanceSpec& appearance, const Scene& scene);
 
     /// Takes residuals away before the step at `moment`, if that is due. With a tolerance the last stage goes on, those
     /// that are worth least first, until the loss at once reaches a quarter of it. Returns nothing if it was not due.
@@ -45,7 +45,7 @@ class ResidualShare {
     std::optional<ResidualChange> at_end(Backend& backend, const StepSource& step_on) const;
 
   private:
-    const TrainOptions& options_;
+    const double tolerance_;  ///< dB
     const Scene& scene_;
     const std::optional<double> share_;
 };

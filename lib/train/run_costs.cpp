@@ -9,7 +9,7 @@
 #include <cmath>
 
 #include "appearance/model_info.h"
-#include "lib/core/bytes.h"
+#include "lib/core/quantities.h"
 #include "lib/core/log.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/densification.h"
@@ -34,7 +34,7 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
         images += double(v.image_bytes);
         pixels = std::max(pixels, double(v.camera.width) * v.camera.height);
     }
-    const double budget = double(parse_bytes(options.image_cache));
+    const double budget = double(options.image_cache.count);
     const int residual = appearance_model(appearance.model).residual_width(appearance.max_degree);
     // Bytes of the parameters, two Adam moments and the buffers of a step. CPU: splat 40, tile list and counts 8, depth
     // key 8, last step 4 bytes; image, transmittance, gradient, target, nine SSIM derivative maps. CUDA: the values
@@ -77,8 +77,9 @@ std::string memory_report(const MemoryUse& memory) {
     return text;
 }
 
-double estimate_seconds(const TrainOptions& options, const MeasuredSteps& steps, std::int64_t cap) {
-    const DensificationWindow window(options);
+double estimate_seconds(const ScheduleOptions& options, const DensificationOptions& growth, const MeasuredSteps& steps,
+                        std::int64_t cap) {
+    const DensificationWindow window(growth);
     const auto cost = [&](const Moment& moment, double count) {
         const bool coarse = moment.position < options.coarse_until * kReferenceIterations;
         return count + kPixelPerGaussian * steps.pixels / (coarse ? 4 : 1);
@@ -90,7 +91,7 @@ double estimate_seconds(const TrainOptions& options, const MeasuredSteps& steps,
     for (std::int64_t k = steps.iteration; k < options.iterations; k += stride) {
         Moment moment = moment_at(options, k);
         moment.before = last.position;
-        if (options.strategy == Strategy::kMcmc && window.due(moment))
+        if (growth.strategy == Strategy::kMcmc && window.due(moment))
             count = std::max(count, std::min(double(cap), McmcParams{}.growth * count));
         total += cost(moment, count) * double(std::min(stride, options.iterations - k));
         last = moment;

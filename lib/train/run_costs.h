@@ -29,7 +29,8 @@ struct MeasuredSteps {
 };
 
 /// Returns the seconds of all iterations that follow, with growth to `cap` Gaussians as the schedule has it. `options`
-/// must be validated and end by iterations. With strategy adc, whose growth the scene decides, the number stays.
-double estimate_seconds(const TrainOptions& options, const MeasuredSteps& steps, std::int64_t cap);
+/// must be resolved and end by iterations. With strategy adc, whose growth the scene decides, the number stays.
+double estimate_seconds(const ScheduleOptions& options, const DensificationOptions& growth, const MeasuredSteps& steps,
+                        std::int64_t cap);
 
 }  // namespace gs

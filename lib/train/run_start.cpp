@@ -41,7 +41,7 @@ bool had_target(const Checkpoint& checkpoint, const TrainOptions& options) {
 
 /// Throws UsageError if views that a target would be measured on were trained on, or the other way round.
 void require_same_training_views(const Checkpoint& checkpoint, const TrainOptions& options) {
-    if (had_target(checkpoint, options) != (options.target_psnr > 0))
+    if (had_target(checkpoint, options) != options.target_psnr.has_value())
         throw UsageError(
             "option target-psnr: it holds training views out from the first step on; a run that was begun without it "
             "cannot be resumed with it, nor the other way round");
@@ -80,7 +80,7 @@ RunStart open_run(const TrainOptions& options, const std::string& test_views) {
     start.lock = std::make_shared<const RunLock>(start.folder.root);
     prepare_run_folder(start.folder, options.overwrite, iteration);
     // The end may come at an earlier iteration than in a part that was trained before.
-    const bool may_end_earlier = start.checkpoint && !ends_by_iterations(options);
+    const bool may_end_earlier = start.checkpoint && !options.ends_by_iterations();
     if (options.overwrite || may_end_earlier) replace_earlier_run(start.folder, run_config(options), iteration);
     return start;
 }

@@ -40,15 +40,18 @@ RunWriter::RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, std:
     : folder_(std::move(folder)),
       lock_(std::move(lock)),
       cameras_(cameras.empty() ? cameras_json(scene) : std::move(cameras)),
-      options_(options),
+      config_(run_config(options)),
+      cfg_args_(cfg_args(folder_, options)),
+      seed_(options.seed),
+      cap_(options.cap_max),
       scene_(scene),
       photometric_(photometric),
       tensorboard_(tensorboard) {}
 
 void RunWriter::write_config() const {
     check_folder();
-    write_text_atomic(folder_.config(), run_config(options_));
-    write_cfg_args(folder_, options_);
+    write_text_atomic(folder_.config(), config_);
+    write_text_atomic(folder_.cfg_args(), cfg_args_);
     write_text_atomic(folder_.cameras(), cameras_);
 }
 
@@ -84,8 +87,8 @@ void RunWriter::write_checkpoint(Gaussians state, std::int64_t iteration, const 
     check_folder();
     gs::write_checkpoint(folder_.checkpoint(iteration), {.state = std::move(state),
                                                          .iteration = iteration,
-                                                         .seed = options_.seed,
-                                                         .options_yaml = run_config(options_),
+                                                         .seed = seed_,
+                                                         .options_yaml = config_,
                                                          .test_views = view_digest(scene_.test),
                                                          .frame = scene_.frame,
                                                          .time = time,
@@ -113,7 +116,7 @@ double RunWriter::seconds_per_gaussian(Backend& backend) const {
     Gaussians model = backend.download(false);
     // A scene may begin with a few points, whose file tells nothing about a large one. Copying them to many takes about
     // as long as reading so many back.
-    repeat_rows(model, std::max(model.count, std::min(options_.cap_max, kTimedRows)));
+    repeat_rows(model, std::max(model.count, std::min(cap_, kTimedRows)));
     const WorkFolder work(folder_.root / "timing");
     save_points(work.path() / "points.ply", model, 0);
     return std::max(0.0, seconds_now() - start - kSavingOverhead) / double(model.count);

@@ -83,7 +83,9 @@ class RunWriter {
     const RunFolder folder_;
     const std::shared_ptr<const RunLock> lock_;
     const std::string cameras_;
-    const TrainOptions& options_;
+    const std::string config_, cfg_args_;  ///< the texts of these files
+    const std::uint64_t seed_;
+    const std::int64_t cap_;
     const Scene& scene_;
     const Photometric& photometric_;
     TensorBoard* const tensorboard_;

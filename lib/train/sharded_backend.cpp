@@ -35,7 +35,7 @@ bool slurm_binds_gpus() {
 }  // namespace
 
 int num_local_ranks(const TrainOptions& options) {
-    if (options.ranks != kAllGpus) return options.ranks;
+    if (options.ranks) return *options.ranks;
     if (options.device == Device::kCpu)
         throw UsageError("option ranks: all means one for each GPU, but the device is the CPU; name a number");
     if (rank_place([](const char* name) -> const char* { return std::getenv(name); })) return 1;
@@ -121,8 +121,8 @@ void follow_sharding(RankTeam& team, const std::string& started_as) {
 
 std::string started_as(const std::string& command) { return version_text() + "\ngsapp " + command + "\n"; }
 
-int views_of_step(int batch, const RankTeam* team) {
-    if (batch > 0) return batch;
+int views_of_step(const std::optional<int>& batch, const RankTeam* team) {
+    if (batch) return *batch;
     return team ? std::min(team->size(), int(kLogInterval)) : 1;  // steps end at multiples of it
 }
 

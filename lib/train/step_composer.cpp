@@ -19,6 +19,9 @@ constexpr double kBatchRate = 0.6;
 StepComposer::StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene,
                            const Photometric* photometric, double rate_factor)
     : options_(options),
+      strategy_(options.strategy),
+      ppisp_rate_(options.ppisp_lr),
+      seed_(options.seed),
       scene_(scene),
       photometric_(photometric),
       rates_(options, appearance, scene),
@@ -41,23 +44,23 @@ StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteratio
     request.background = view.background;
     request.iteration = iteration;
     request.lambda_dssim = float(options_.lambda_dssim);
-    request.seed = options_.seed;
+    request.seed = seed_;
     return request;
 }
 
 StepRequest StepComposer::compose(const StepView& view, const Moment& moment, const Moment& rate_moment) const {
     StepRequest request = request_of(view, moment.iteration);
-    const bool mcmc = options_.strategy == Strategy::kMcmc;
+    const bool mcmc = strategy_ == Strategy::kMcmc;
     request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
     request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
-    request.gather_gradient_stats = options_.strategy == Strategy::kAdc && !window_.until.reached(moment);
+    request.gather_gradient_stats = strategy_ == Strategy::kAdc && !window_.until.reached(moment);
     request.only_visible = options_.adam == Movers::kVisible;
     rates_.apply(rate_moment, request);
     if (photometric_) {
         photometric_->apply(view.index, moment, request);
     } else {
         request.isp = {.mode = IspMode::kFrame, .frame = int(view.index), .camera = scene_.train[view.index].camera_id};
-        request.isp_rate = options_.ppisp_lr;
+        request.isp_rate = ppisp_rate_;
     }
     if (rate_factor_ != 1) {
         for (double& rate : request.rates) rate *= rate_factor_;

@@ -33,7 +33,7 @@ struct StepView {
 
 class StepComposer {
   public:
-    /// `options` must be validated. `photometric` says how views are corrected; with null each is corrected by its own
+    /// `options` must be resolved. `photometric` says how views are corrected; with null each is corrected by its own
     /// values in the model's PPISP, which learns at the full rate. `rate_factor` multiplies every learning rate and the
     /// noise. All references must outlive the object.
     StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene,
@@ -57,7 +57,10 @@ class StepComposer {
     /// Returns the part that both kinds of steps have in common.
     StepRequest request_of(const StepView& view, std::int64_t iteration) const;
 
-    const TrainOptions& options_;
+    const OptimizerOptions options_;
+    const Strategy strategy_;
+    const double ppisp_rate_;
+    const std::uint64_t seed_;
     const Scene& scene_;
     const Photometric* photometric_;
     const LearningRates rates_;

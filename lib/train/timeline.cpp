@@ -6,7 +6,7 @@
 
 namespace gs {
 
-Moment moment_at(const TrainOptions& options, std::int64_t iteration) {
+Moment moment_at(const ScheduleOptions& options, std::int64_t iteration) {
     const double stride =
         options.schedule == ScheduleKind::kFixed ? 1 : kReferenceIterations / double(options.iterations);
     return {iteration, double(iteration) * stride, double(iteration - 1) * stride, stride};

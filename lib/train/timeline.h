@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <optional>
 
 #include "lib/core/train_options.h"
 
@@ -27,8 +28,9 @@ struct Moment {
 /// A place in the schedule: an iteration that the user named, or else a position.
 class Mark {
   public:
-    /// `named` is an option's value; a negative one leaves the place to the schedule, which puts it at `position`.
-    Mark(std::int64_t named, double position) : named_(named >= 0), value_(named_ ? double(named) : position) {}
+    /// `named` is an option's value; without one the schedule puts the place at `position`.
+    Mark(const std::optional<std::int64_t>& named, double position)
+        : named_(named), value_(named ? double(*named) : position) {}
 
     bool named() const { return named_; }
     double value() const { return value_; }
@@ -48,8 +50,8 @@ inline std::int64_t multiples_passed(double before, double now, double interval,
     return std::int64_t(std::floor((now - first) / interval) - std::floor((before - first) / interval));
 }
 
-/// Returns the moment after `iteration` steps of a run of options.iterations. `options` must be validated.
-Moment moment_at(const TrainOptions& options, std::int64_t iteration);
+/// Returns the moment after `iteration` steps of a run of options.iterations.
+Moment moment_at(const ScheduleOptions& options, std::int64_t iteration);
 
 /// Returns the moment of the next step in a run through time. `last` is that of the step before, of which 0 is the
 /// iteration in a new run; `progress` (0..1) is the share of the time that has passed.

@@ -11,7 +11,7 @@
 #include "kernels/base/clock.h"
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
@@ -47,8 +47,8 @@ constexpr double kControllerEnd = 0.05;
 constexpr double kMeasuredSeconds = 3, kLongTraining = 3600;
 
 /// The seconds between two automatic checkpoints; infinite without them.
-double automatic_interval(const TrainOptions& options) {
-    return options.checkpoint_minutes > 0 ? 60 * options.checkpoint_minutes : std::numeric_limits<double>::infinity();
+double automatic_interval(const OutputOptions& options) {
+    return options.checkpoint_minutes ? 60 * *options.checkpoint_minutes : std::numeric_limits<double>::infinity();
 }
 
 bool contains(const std::vector<std::int64_t>& list, std::int64_t value) {
@@ -66,28 +66,32 @@ void log_exchanges(const RankCosts& costs) {
 class Run {
   public:
     Run(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks)
-        : options_(options),
+        : output_(options),
+          length_(options),
+          device_(options.device),
+          densification_(options),
+          controller_limit_(options.controller_iterations),
           scene_(scene),
           progress_(progress),
           hooks_(hooks),
           appearance_(appearance_spec(options)),
-          views_(options_, scene),
-          limits_(options_, scene, views_.fixed_background(), hooks.most_gaussians),
-          course_(options_, scene.train.size()),
-          search_(options.target_psnr, std::int64_t(scene.train.size()), options.iterations, limits_.cap()),
-          schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), limits_.views()),
-          photometric_(options_, scene),
-          composer_(options_, appearance_, scene, &photometric_),
-          residuals_(options_, appearance_, scene),
-          writer_(std::move(start.folder), std::move(start.lock), std::move(start.cameras), options_, scene,
+          views_(options, scene),
+          limits_(options, scene, views_.fixed_background(), hooks.most_gaussians),
+          course_(options, scene.train.size()),
+          search_(options.target_psnr.value_or(0), std::int64_t(scene.train.size()), options.iterations, limits_.cap()),
+          schedule_(options, appearance_, scene.extent, options.background.always(0, 0, 0), limits_.views()),
+          photometric_(options, scene),
+          composer_(options, appearance_, scene, &photometric_),
+          residuals_(options, appearance_, scene),
+          writer_(std::move(start.folder), std::move(start.lock), std::move(start.cameras), options, scene,
                   photometric_, hooks.tensorboard) {
         set_num_threads(options.threads);
-        composer_.rates().log(options_);
+        composer_.rates().log(options);
         if (start.checkpoint)
-            resume(std::move(*start.checkpoint));
+            resume(options, std::move(*start.checkpoint));
         else
-            begin(start.used_seconds, std::move(start.initial));
-        log_memory_plan(options_, scene_, appearance_, backend_->count());
+            begin(options, start.used_seconds, std::move(start.initial));
+        log_memory_plan(options, scene_, appearance_, backend_->count());
         writer_.open_log(iteration_, course_.finished());
         if (hooks_.tensorboard && start.checkpoint) hooks_.tensorboard->resume(iteration_);
         photometric_decision_ = writer_.opened_log().photometric_reason();  // of an earlier part of the run
@@ -105,7 +109,7 @@ class Run {
         views_.prefetch(iteration_, last_iteration(), course_.reduction());
         const std::int64_t first = iteration_;
         try {
-            if (options_.target_psnr > 0)
+            if (length_.target_psnr)
                 search();
             else
                 loop();
@@ -129,7 +133,7 @@ class Run {
   private:
     /// Returns the end of the iterations for which images are decoded ahead.
     std::int64_t last_iteration() const {
-        return ends_by_iterations(options_) ? options_.iterations : std::numeric_limits<std::int64_t>::max();
+        return length_.ends_by_iterations() ? length_.iterations : std::numeric_limits<std::int64_t>::max();
     }
 
     /// Writes what a resumed run continues with: in the search for a target the smallest model that reached it, since a
@@ -145,7 +149,7 @@ class Run {
         costs.at_end = limits_.seconds_to_prune(*backend_);
         if (const std::size_t views = residuals_.views_at_end(); views > 0)
             costs.at_end += kWorthPerFrame * double(views) * limits_.view_seconds(*backend_);
-        if (options_.target_psnr > 0) {
+        if (length_.target_psnr) {
             const double start = seconds_now();
             hooks_.held_out_psnr(*backend_);
             costs.at_end += seconds_now() - start;
@@ -155,11 +159,11 @@ class Run {
                 std::max(1.0, limits_.view_seconds(*backend_) / limits_.view_seconds(*backend_, course_.reduction()));
         course_.start(costs, count);
         keep_time_for_controllers();
-        if (course_.finished()) log_warning("time limit {}: it is used up: nothing is trained", options_.time_limit);
+        if (course_.finished()) log_warning("time limit {}: it is used up: nothing is trained", length_.time_limit->text());
         log_debug(
             "time limit {}: saving takes about {:.2f} s for {} Gaussians; growth ends when fewer than {} steps would "
             "remain",
-            options_.time_limit, costs.saving_per_gaussian * double(count), count, course_.wanted_steps());
+            length_.time_limit->text(), costs.saving_per_gaussian * double(count), count, course_.wanted_steps());
     }
 
     /// Trains stretch after stretch until the search for options.target_psnr ends.
@@ -220,7 +224,7 @@ class Run {
         double interval_start = seconds_now();
         const std::int64_t first_iteration = iteration_;
         const double first_seconds = train_seconds_;
-        bool estimated = !ends_by_iterations(options_) || uses_cuda(options_.device);
+        bool estimated = !length_.ends_by_iterations() || uses_cuda(device_);
         while (!course_.finished()) {
             timed([&] { iterate(); });
             if (!estimated && train_seconds_ - first_seconds >= kMeasuredSeconds) {
@@ -257,7 +261,7 @@ class Run {
     void warn_if_long(std::int64_t iterations, double measured) const {
         double pixels = 0;
         for (const View& view : scene_.train) pixels += double(view.camera.width) * view.camera.height;
-        const double seconds = estimate_seconds(options_,
+        const double seconds = estimate_seconds(length_, densification_,
                                                 {.iteration = iteration_,
                                                  .seconds_per_iteration = measured / double(iterations),
                                                  .num_gaussians = backend_->count(),
@@ -366,52 +370,51 @@ class Run {
     }
     std::string how_to_continue() const { return "continue with --resume latest -m " + writer_.folder().root.string(); }
 
-    std::unique_ptr<Backend> make_backend() {
-        const BackendOptions options = backend_options(options_);
+    std::unique_ptr<Backend> make_backend(const BackendOptions& options) {
         auto backend = hooks_.make_backend ? hooks_.make_backend(appearance_, options)
-                                           : choose_backend(options_.device, appearance_, options);
+                                           : choose_backend(device_, appearance_, options);
         views_.deal(backend->views_per_step(), [&](int k) { return backend->needs_pixels(k); });
         return backend;
     }
 
-    void begin(double used_seconds, std::optional<InitialModel> initial) {
+    void begin(const TrainOptions& options, double used_seconds, std::optional<InitialModel> initial) {
         if (course_.limits_time()) course_.charge(used_seconds);
-        InitOptions init = init_options(options_);
+        InitOptions init = init_options(options);
         init.most_points = limits_.most_first_points();
         const bool from_points = !initial;
         Gaussians state = from_points ? initialize_gaussians(scene_, appearance_, init)
-                                      : start_from(std::move(*initial), scene_, appearance_, options_.seed);
+                                      : start_from(std::move(*initial), scene_, appearance_, options.seed);
         if (!from_points) schedule_.resume(state.active_degree);
-        backend_ = make_backend();
-        if (!options_.frame_limit.empty()) {
+        backend_ = make_backend(backend_options(options));
+        if (options.frame_limit) {
             InitOptions smallest = init;
             smallest.most_points = 1;
             limits_.require_feasible(*backend_, initialize_gaussians(scene_, appearance_, smallest));
         }
-        if (course_.limits_time() && from_points && !options_.named.contains("init-points")) {
+        if (course_.limits_time() && from_points && !options.named.contains("init-points")) {
             backend_->upload(state);
             init.most_points = std::min(
                 state.count,
                 std::max(kLeastPoints, course_.affordable_start(state.count, limits_.view_seconds(*backend_))));
             if (init.most_points < state.count) {
                 log_debug("time limit {}: begins with {} of {} points, so that there is time for enough steps",
-                          options_.time_limit, init.most_points, state.count);
+                          options.time_limit->text(), init.most_points, state.count);
                 state = initialize_gaussians(scene_, appearance_, init);
             }
         }
         state.active_degree = schedule_.active_degree();
         state.ppisp = photometric_.initial_state();
-        if (state.count > options_.cap_max)
+        if (state.count > options.cap_max)
             log_warning("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count,
-                        options_.cap_max);
+                        options.cap_max);
         backend_->upload(state);
         writer_.write_start(initial_points(scene_, init));
     }
 
-    void resume(Checkpoint checkpoint) {
-        if (checkpoint.seed != options_.seed)
+    void resume(const TrainOptions& options, Checkpoint checkpoint) {
+        if (checkpoint.seed != options.seed)
             log_warning("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one",
-                        options_.seed, checkpoint.seed);
+                        options.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
         earlier_time_ = checkpoint.time;
         if (earlier_time_)
@@ -422,13 +425,13 @@ class Run {
         course_.resume(iteration_, earlier_time_ ? earlier_time_->limited_seconds : 0);
         photometric_.resume(checkpoint.state, course_.moment());
         schedule_.resume(checkpoint.state.active_degree);
-        backend_ = make_backend();
+        backend_ = make_backend(backend_options(options));
         backend_->upload(checkpoint.state);
         writer_.write_config();
         log_info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
-        if (course_.finished() && ends_by_iterations(options_))
+        if (course_.finished() && options.ends_by_iterations())
             log_warning("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_,
-                        options_.iterations);
+                        options.iterations);
     }
 
     void iterate() {
@@ -468,10 +471,10 @@ class Run {
         };
         if (const std::int64_t views = backend_->views_per_step(); views > 1) {
             ends_at(iteration_ + views);
-            if (ends_by_iterations(options_)) ends_at(options_.iterations);
-            if (options_.preview_every > 0) ends_at((iteration_ / options_.preview_every + 1) * options_.preview_every);
+            if (length_.ends_by_iterations()) ends_at(length_.iterations);
+            if (output_.preview_every) ends_at((iteration_ / *output_.preview_every + 1) * *output_.preview_every);
             for (const auto* list :
-                 {&options_.test_iterations, &options_.save_iterations, &options_.checkpoint_iterations})
+                 {&output_.test_iterations, &output_.save_iterations, &output_.checkpoint_iterations})
                 for (std::int64_t iteration : *list) ends_at(iteration);
         } else {
             end = iteration_ + 1;
@@ -524,16 +527,16 @@ class Run {
         if (!photometric_.trains_controllers()) return;
         photometric_.add_controllers(*backend_);
         // Under a time limit the controllers have what is left of it, unless their number was named.
-        const bool by_time = options_.controller_iterations < 0;
+        const bool by_time = !controller_limit_;
         const auto& budget = course_.budget();
         const auto due = [&](std::int64_t k) {
             if (k > 0 && budget && budget->elapsed() >= budget->limit() - kControllerEnd) return false;
-            return by_time || k < options_.controller_iterations;
+            return by_time || k < *controller_limit_;
         };
         const auto expect_controllers_end = [&] {
             if (by_time) progress_.expect_end_in(budget->limit() - kControllerEnd - budget->elapsed());
         };
-        progress_.start(std::max<std::int64_t>(options_.controller_iterations, 0), 0, "controller");
+        progress_.start(controller_limit_.value_or(0), 0, "controller");
         std::int64_t k = 0;
         for (; due(k); ++k) {
             if (interrupted() || ask(false) == Wish::kStop) {
@@ -543,7 +546,7 @@ class Run {
                                   (course_.limits_time() ? "" : " and its checkpoint; " + how_to_continue()));
             }
             const TrainingViews::Step step =
-                views_.at(iteration_ + k, by_time ? last_iteration() : iteration_ + options_.controller_iterations);
+                views_.at(iteration_ + k, by_time ? last_iteration() : iteration_ + *controller_limit_);
             backend_->distill(composer_.compose_distillation(step.view(), iteration_ + k));
             if ((k + 1) % kMaxSkips == 0) read_stats();
             if (progress_.due(k + 1)) {
@@ -565,9 +568,8 @@ class Run {
         if (!budget || !photometric_.trains_controllers()) return;
         constexpr double kShare = 1.0 / 7;
         const double mean_step = budget->elapsed() / double(std::max<std::int64_t>(1, iteration_));
-        budget->keep_back(options_.controller_iterations < 0
-                              ? kShare * budget->limit()
-                              : std::min(0.5 * budget->limit(), double(options_.controller_iterations) * mean_step));
+        budget->keep_back(controller_limit_ ? std::min(0.5 * budget->limit(), double(*controller_limit_) * mean_step)
+                                            : kShare * budget->limit());
     }
 
     void settle() {
@@ -623,8 +625,8 @@ class Run {
     }
 
     bool something_is_due() const {
-        const auto& o = options_;
-        return (o.preview_every > 0 && iteration_ % o.preview_every == 0) ||
+        const OutputOptions& o = output_;
+        return (o.preview_every && iteration_ % *o.preview_every == 0) ||
                contains(o.checkpoint_iterations, iteration_) || contains(o.save_iterations, iteration_) ||
                contains(o.test_iterations, iteration_);
     }
@@ -641,11 +643,11 @@ class Run {
 
     void save_what_is_due() {
         // Whether a stretch of a search is the last one is known only when it has been measured.
-        const bool last = course_.finished() && options_.target_psnr == 0;
-        if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0)
+        const bool last = course_.finished() && !length_.target_psnr;
+        if (output_.preview_every && iteration_ % *output_.preview_every == 0)
             writer_.write_preview(*backend_, views_.fixed_background(), iteration_);
-        if (contains(options_.save_iterations, iteration_) && !last) writer_.write_point_cloud(*backend_, iteration_);
-        if (contains(options_.test_iterations, iteration_) && !last && hooks_.evaluate) {
+        if (contains(output_.save_iterations, iteration_) && !last) writer_.write_point_cloud(*backend_, iteration_);
+        if (contains(output_.test_iterations, iteration_) && !last && hooks_.evaluate) {
             writer_.write_ppisp(*backend_, iteration_);  // says how these views are corrected
             writer_.check_folder();
             const double start = seconds_now();
@@ -653,7 +655,7 @@ class Run {
             if (auto& budget = course_.budget()) budget->leave_out(seconds_now() - start);
         }
         // Last: a run that is killed in between resumes before this iteration and writes the other files once more.
-        if (contains(options_.checkpoint_iterations, iteration_) && !last) {
+        if (contains(output_.checkpoint_iterations, iteration_) && !last) {
             write_checkpoint();
             checkpoint_seconds_ = train_seconds_;
         }
@@ -664,9 +666,9 @@ class Run {
     /// only where the scan for non-finite parameters has just brought all rows of the device up to date, which reading
     /// them would do, too. That it cannot be written is no reason to end the run.
     void save_automatically() {
-        const double seconds = train_seconds_ - checkpoint_seconds_, interval = automatic_interval(options_);
+        const double seconds = train_seconds_ - checkpoint_seconds_, interval = automatic_interval(output_);
         if (iteration_ % kLogInterval != 0 || course_.finished() || seconds < interval ||
-            contains(options_.checkpoint_iterations, iteration_))
+            contains(output_.checkpoint_iterations, iteration_))
             return;
         checkpoint_seconds_ = train_seconds_;
         writer_.check_folder();
@@ -683,7 +685,7 @@ class Run {
         log_info(
             "iteration {}: checkpoint of {:.1f} MiB written in {:.2f} s; from now on one every {:g} minutes "
             "(--checkpoint-minutes), of which the latest is kept",
-            iteration_, double(bytes) / (1024.0 * 1024.0), seconds_now() - start, options_.checkpoint_minutes);
+            iteration_, double(bytes) / (1024.0 * 1024.0), seconds_now() - start, *output_.checkpoint_minutes);
     }
 
     TrainSummary finish() {
@@ -715,7 +717,7 @@ class Run {
         const double controller_seconds = photometric_.trains_controllers() ? seconds_now() - controllers_start : 0;
         if (controller_seconds > 0) writer_.write_ppisp(*backend_, iteration_);
         const double limited_seconds = course_.used_seconds();
-        const double frame_seconds = options_.frame_limit.empty() ? 0 : limits_.frame_seconds(*backend_);
+        const double frame_seconds = limits_.limits_frames() ? limits_.frame_seconds(*backend_) : 0;
         photometric_.report(*backend_);
         if (nonfinite_gradients_)
             log_warning("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
@@ -737,12 +739,16 @@ class Run {
                 saving_seconds,
                 frame_seconds,
                 limited_seconds,
-                options_.target_psnr > 0 ? std::optional(search_.outcome()) : std::nullopt,
+                length_.target_psnr ? std::optional(search_.outcome()) : std::nullopt,
                 photometric_decision_,
                 earlier_time_.has_value()};
     }
 
-    const TrainOptions options_;
+    const OutputOptions output_;
+    const ScheduleOptions length_;
+    const Device device_;
+    const DensificationOptions densification_;
+    const std::optional<std::int64_t> controller_limit_;
     const Scene& scene_;
     Progress& progress_;
     const TrainHooks& hooks_;

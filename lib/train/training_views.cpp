@@ -11,7 +11,7 @@
 
 #include "kernels/base/clock.h"
 #include "kernels/base/rng.h"
-#include "lib/core/bytes.h"
+#include "lib/core/quantities.h"
 #include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
 
@@ -42,12 +42,14 @@ std::size_t ViewOrder::at(std::int64_t iteration) {
 }
 
 TrainingViews::TrainingViews(const TrainOptions& options, const Scene& scene)
-    : options_(options),
+    : seed_(options.seed),
+      device_(options.device),
+      cache_(options.image_cache),
       scene_(scene),
       background_(options.background),
       order_(scene.train.size(), options.seed),
       prefetch_(std::min<std::int64_t>(views_ahead(options.device), std::int64_t(scene.train.size()) / 2 + 1)),
-      images_(scene.train, parse_bytes(options.image_cache), decode_threads(options.device)) {}
+      images_(scene.train, options.image_cache.count, decode_threads(options.device)) {}
 
 void TrainingViews::prefetch(std::int64_t first, std::int64_t end, int factor) {
     ImageCache& images = images_of(factor);
@@ -112,15 +114,15 @@ ImageCache& TrainingViews::images_of(int factor) {
                 return resized(ViewImage(*images_.get(k)), width, height);
             };
         }
-        found = std::make_unique<Reduced>(std::move(views), parse_bytes(options_.image_cache),
-                                          decode_threads(options_.device));
+        found = std::make_unique<Reduced>(std::move(views), cache_.count,
+                                          decode_threads(device_));
     }
     return found->images;
 }
 
 Vec3<float> TrainingViews::background_at(std::int64_t iteration) const {
     if (!background_.random()) return fixed_background();
-    const Philox4 r = philox(options_.seed, RngStream::kBackground, std::uint64_t(iteration), 0);
+    const Philox4 r = philox(seed_, RngStream::kBackground, std::uint64_t(iteration), 0);
     return {uniform_from_bits(r.v[0]), uniform_from_bits(r.v[1]), uniform_from_bits(r.v[2])};
 }
 

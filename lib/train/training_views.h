@@ -37,7 +37,7 @@ inline constexpr std::int64_t kLogInterval = 100;
 /// Delivers the training views in the order of a run and decodes them ahead of their use.
 class TrainingViews {
   public:
-    /// Both arguments must outlive the object.
+    /// The scene must outlive the object.
     TrainingViews(const TrainOptions& options, const Scene& scene);
 
     /// Says how many views a step has, and of which of these the images are read here: of those are the images that
@@ -87,7 +87,9 @@ class TrainingViews {
     std::int64_t num_ahead() const;
     Vec3<float> background_at(std::int64_t iteration) const;
 
-    const TrainOptions& options_;
+    const std::uint64_t seed_;
+    const Device device_;
+    const ByteCount cache_;  ///< for decoded images
     const Scene& scene_;
     std::vector<bool> read_here_{true};  ///< by view of a step
     const Background background_;

@@ -23,7 +23,7 @@ TrainOptions parse(std::vector<std::string> words, const ResolveRules& rules = {
 TEST(OptionsCli, DefaultsRemainWithoutFlags) {
     TrainOptions expected;
     expected.source = "s";
-    validate(expected);
+    expected = resolve(expected);
     EXPECT_EQ(options_to_yaml(parse({"-s", "s"})), options_to_yaml(expected));
 }
 

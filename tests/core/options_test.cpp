@@ -37,7 +37,7 @@ std::string complaint(const std::string& key, const std::string& value) {
     TrainOptions options = with_source();
     try {
         set_option(options, find(key), {value}, "--" + key);
-        validate(options);
+        options = resolve(options);
     } catch (const UsageError& e) {
         return e.what();
     }
@@ -64,16 +64,16 @@ TEST(Options, SpeedySplatGoesWithAdcAndRaisesTheOpacityRate) {
               std::string::npos);
     TrainOptions options = with_source();
     options.strategy = Strategy::kNone, options.speedy_splat = true;
-    EXPECT_THROW(validate(options), UsageError);
+    EXPECT_THROW(resolve(options), UsageError);
     options.strategy = Strategy::kAdc;
-    validate(options);
+    options = resolve(options);
     EXPECT_EQ(options.opacity_lr, 0.05);
-    options.opacity_lr = 0.01;
-    validate(options);
-    EXPECT_EQ(options.opacity_lr, 0.01) << "a rate that was given stays";
-    options.opacity_lr = 0, options.speedy_splat = false;
-    validate(options);
+    options.speedy_splat = false;
+    options = resolve(options);
     EXPECT_EQ(options.opacity_lr, 0.025);
+    options.opacity_lr = 0.01, options.named = {"opacity-lr"};
+    options = resolve(options);
+    EXPECT_EQ(options.opacity_lr, 0.01) << "a rate that was given stays";
 }
 
 TEST(Options, TableCoversTheWholeStruct) {
@@ -127,14 +127,15 @@ TEST(Options, ModelsDeclareTheirOwn) {
 
 TEST(Options, DefaultsAreValid) {
     TrainOptions options = with_source();
-    EXPECT_NO_THROW(validate(options));
+    EXPECT_NO_THROW(resolve(options));
 }
 
 TEST(Options, NumbersOutsideTheirRangeAreNamed) {
     for (const Option& option : train_option_table()) {
         if (!option.max) continue;
         const std::string text = complaint(option.key, "99999999999");
-        if (std::holds_alternative<int TrainOptions::*>(option.field)) {
+        if (std::holds_alternative<int TrainOptions::*>(option.field) ||
+            std::holds_alternative<std::optional<int> TrainOptions::*>(option.field)) {
             EXPECT_NE(text.find("a number this option can hold"), std::string::npos) << option.key << ": " << text;
         } else {
             EXPECT_NE(text.find("option " + option.key), std::string::npos) << text;
@@ -209,59 +210,62 @@ TEST(Choices, EveryValueHasItsWord) {
     expect_words_for_all_values(ColorActivation::kHardSigmoid);
 }
 
-TEST(Options, ImageCacheIsAnAmountOfMemory) {
+TEST(Options, ByteSizesAreParsed) {
     EXPECT_EQ(complaint("image-cache", "512MiB"), "");
-    EXPECT_NE(complaint("image-cache", "lots").find("option image-cache"), std::string::npos);
+    for (const char* key : {"image-cache", "size-limit"}) {
+        for (const char* bad : {"lots", "-5MB", "5XB"})
+            EXPECT_NE(complaint(key, bad).find(std::string("--") + key + ": byte size '" + bad), std::string::npos) << bad;
+    }
 }
 
 TEST(Options, ResumingTheLatestNeedsItsFolder) {
     TrainOptions options = with_source();
     options.resume = "latest";
-    EXPECT_THROW(validate(options), UsageError);
+    EXPECT_THROW(resolve(options), UsageError);
     options.model = "run";
-    EXPECT_NO_THROW(validate(options));
+    EXPECT_NO_THROW(resolve(options));
 }
 
 TEST(Options, ARecipeLeavesNamedOptionsAlone) {
     TrainOptions options = with_source();
     options.preset = Preset::kFast;
     options.opacity_reg = 0.02, options.named = {"opacity-reg"};
-    validate(options);
+    options = resolve(options);
     EXPECT_EQ(options.iterations, 5000);
     EXPECT_EQ(options.recipe, Recipe::kFrontier);
     EXPECT_EQ(options.opacity_reg, 0.02);
     EXPECT_EQ(options.scale_reg, 0.003);
     EXPECT_EQ(kept_from_recipe(options), std::vector<std::string>{"opacity-reg 0.02"});
     TrainOptions paper = with_source();
-    validate(paper);
+    paper = resolve(paper);
     EXPECT_EQ(paper.recipe, Recipe::kPaper);
     EXPECT_EQ(paper.scale_reg, 0.01);
     EXPECT_TRUE(kept_from_recipe(paper).empty());
 }
 
 TEST(Options, RatesFallWhereGaussiansLoseTheirResiduals) {
-    const auto final_rate = [](double share, double bytes, bool named) {
+    const auto final_rate = [](std::optional<double> share, std::optional<double> bytes, bool named) {
         TrainOptions options = with_source();
         options.appearance_share = share, options.appearance_bytes = bytes;
         if (named) options.named = {"final-rate"};
-        validate(options);
+        options = resolve(options);
         return options.final_rate;
     };
-    EXPECT_EQ(final_rate(1, 0, false), 1);
-    EXPECT_EQ(final_rate(0, 0, false), 1) << "as none";
-    EXPECT_EQ(final_rate(0.5, 0, false), 0.1);
-    EXPECT_EQ(final_rate(std::nan(""), 0, false), 0.1);
+    EXPECT_EQ(final_rate(1, {}, false), 1);
+    EXPECT_EQ(final_rate(0, {}, false), 1) << "as none";
+    EXPECT_EQ(final_rate(0.5, {}, false), 0.1);
+    EXPECT_EQ(final_rate({}, {}, false), 0.1);
     EXPECT_EQ(final_rate(1, 50, false), 0.1);
-    EXPECT_EQ(final_rate(0.5, 0, true), 1);
+    EXPECT_EQ(final_rate(0.5, {}, true), 1);
 }
 
 TEST(Options, ContradictionsWithATimeLimitAreRefused) {
     const auto refused = [](const std::function<void(TrainOptions&)>& change) {
         TrainOptions options = with_source();
-        options.time_limit = "5s";
-        EXPECT_NO_THROW(validate(options));
+        options.time_limit = parse_duration("5s", "");
+        EXPECT_NO_THROW(resolve(options));
         change(options);
-        EXPECT_THROW(validate(options), UsageError);
+        EXPECT_THROW(resolve(options), UsageError);
     };
     refused([](TrainOptions& o) { o.preset = Preset::kBest; });
     refused([](TrainOptions& o) { o.schedule = ScheduleKind::kFixed; });
@@ -270,21 +274,18 @@ TEST(Options, ContradictionsWithATimeLimitAreRefused) {
 TEST(Options, ValidationResolvesWhatDependsOnTheStrategy) {
     TrainOptions mcmc = with_source(), adc = with_source();
     adc.strategy = Strategy::kAdc;
-    validate(mcmc);
-    validate(adc);
+    mcmc = resolve(mcmc);
+    adc = resolve(adc);
     EXPECT_EQ(mcmc.opacity_lr, 0.05);
     EXPECT_EQ(adc.opacity_lr, 0.025);
-    adc.opacity_lr = 0.01;
-    validate(adc);
-    EXPECT_EQ(adc.opacity_lr, 0.01);
 }
 
 TEST(Options, AWordMayStandInPlaceOfANumber) {
     const Option& rate = find("opacity-lr");
     TrainOptions options = with_source();
     set_option(options, rate, {"auto"}, "--opacity-lr");
-    validate(options);
-    EXPECT_TRUE(std::isnan(options.opacity_lr)) << "not replaced by the strategy's number";
+    options = resolve(options);
+    EXPECT_FALSE(options.opacity_lr) << "not replaced by the strategy's number";
     EXPECT_EQ(option_text(rate, options), "auto");
     EXPECT_EQ(option_range(rate), "0..10 or auto");
     EXPECT_EQ(complaint("opacity-lr", "0.03"), "");

@@ -43,7 +43,7 @@ TEST(SceneFiles, SayWhatTheProtocolSays) {
         EXPECT_TRUE(options.source.empty() && options.model.empty())
             << "where data and results lie is the user's choice";
         options.source = "builtin:diffuse";
-        ASSERT_NO_THROW(validate(options));
+        ASSERT_NO_THROW(resolve(options));
         EXPECT_EQ(options.cap_max, expected.cap_max);
         EXPECT_EQ(options.images, expected.images);
         EXPECT_EQ(options.opacity_reg, expected.opacity_reg);

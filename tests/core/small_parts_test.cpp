@@ -11,8 +11,7 @@
 #include <vector>
 
 #include "kernels/base/error.h"
-#include "lib/core/bytes.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -26,13 +25,32 @@ namespace gs {
 namespace {
 
 TEST(Bytes, UnitsAreBinaryOrDecimal) {
-    EXPECT_EQ(parse_bytes("4GiB"), std::uint64_t(4) << 30);
-    EXPECT_EQ(parse_bytes("1.5 MiB"), 1572864u);
-    EXPECT_EQ(parse_bytes("2MB"), 2000000u);
-    EXPECT_EQ(parse_bytes("7B"), 7u);
-    EXPECT_EQ(parse_bytes("0"), 0u);
-    for (const char* bad : {"", "GiB", "-1", "7", "1 apple", "1e30GiB", "nan", "inf"})
-        EXPECT_THROW(parse_bytes(bad), UsageError) << bad;
+    for (const auto& [text, count] : {std::pair<const char*, std::uint64_t>{"0", 0},
+                                      {"7B", 7},
+                                      {"4GiB", std::uint64_t(4) << 30},
+                                      {"4g", std::uint64_t(4) << 30},
+                                      {" 500 MB ", 500000000},
+                                      {"1.5KiB", 1536},
+                                      {"1.5 MiB", 1572864},
+                                      {"2TiB", std::uint64_t(2) << 40}})
+        EXPECT_EQ(parse_bytes(text, "").count, count) << text;
+}
+
+TEST(Bytes, NonsenseIsAUsageErrorNamingIt) {
+    for (const char* text : {"", "GiB", "-1", "7", "123", "4 apples", "4GiBs", "1e9999", "1e30GiB", "nan", "inf", "1,5G",
+                             "99999999999TiB", "4kb5"}) {
+        try {
+            parse_bytes(text, "");
+            ADD_FAILURE() << text << " was accepted";
+        } catch (const UsageError& error) {
+            EXPECT_NE(std::string(error.what()).find("'" + std::string(text) + "'"), std::string::npos) << error.what();
+        }
+    }
+}
+
+TEST(Bytes, AreWrittenAsTheyAreRead) {
+    for (const char* text : {"0", "7B", "1KiB", "500MB", "4GiB"}) EXPECT_EQ(parse_bytes(text, "").text(), text);
+    EXPECT_EQ(parse_bytes("1024MiB", "").text(), "1GiB");
 }
 
 TEST(Nearest, FindsTheLeastEdited) {
@@ -159,12 +177,18 @@ TEST(Nearest, WhatIsFarIsNoSuggestion) {
 }
 
 TEST(Duration, ReadsNumbersWithUnits) {
-    EXPECT_EQ(parse_duration("90s", "x"), 90);
-    EXPECT_EQ(parse_duration("2ms", "x"), 0.002);
-    EXPECT_EQ(parse_duration("20m", "x"), 1200);
-    EXPECT_EQ(parse_duration("20min", "x"), 1200);
-    EXPECT_EQ(parse_duration("1h30m", "x"), 5400);
-    EXPECT_EQ(parse_duration("0.5h", "x"), 1800);
+    EXPECT_EQ(parse_duration("90s", "x").seconds, 90);
+    EXPECT_EQ(parse_duration("2ms", "x").seconds, 0.002);
+    EXPECT_EQ(parse_duration("20m", "x").seconds, 1200);
+    EXPECT_EQ(parse_duration("20min", "x").seconds, 1200);
+    EXPECT_EQ(parse_duration("1h30m", "x").seconds, 5400);
+    EXPECT_EQ(parse_duration("0.5h", "x").seconds, 1800);
+}
+
+TEST(Duration, IsWrittenAsItIsRead) {
+    for (const char* text : {"2ms", "90s", "20m", "0.7s", "1.5ms"})
+        EXPECT_EQ(parse_duration(text, "x"), parse_duration(parse_duration(text, "x").text(), "x")) << text;
+    EXPECT_EQ(parse_duration("1h30m", "x").text(), "90m");
 }
 
 TEST(Duration, NamesPlaceAndTextOfAnythingElse) {

@@ -59,7 +59,7 @@ void read_options(const std::string& bytes) {
     put("configured/parent.yaml", "iterations: 7\n");
     put("configured/config.yaml", bytes);
     TrainOptions options = load_run_options(folder() / "configured");
-    validate(options);
+    options = resolve(options);
 }
 
 std::string cameras() {

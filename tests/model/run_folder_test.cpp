@@ -11,6 +11,7 @@
 #include "kernels/base/error.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
+#include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
 #include "lib/model/cameras_json.h"
 #include "tests/io/file_helpers.h"
@@ -210,7 +211,7 @@ TEST(RunFolder, ARunKilledBeforeItsFirstCheckpointIsToBeStartedAnew) {
     EXPECT_CONTAINS(message_of<DataError>([&] { latest_checkpoint(run.root); }), "ended before the first checkpoint;");
     spit(run.point_cloud(100), "x");
     EXPECT_CONTAINS(message_of<DataError>([&] { latest_checkpoint(run.root); }), "its run is complete, but");
-    options.time_limit = "5s";
+    options.time_limit = parse_duration("5s", "");
     spit(run.config(), options_to_yaml(options));
     EXPECT_CONTAINS(message_of<DataError>([&] { latest_checkpoint(run.root); }),
                     "ended before the first checkpoint or is complete");
@@ -248,16 +249,16 @@ TEST(RunFolder, CfgArgsIsThePythonNamespace) {
     options.eval = true;
     options.model_options["sh-degree"] = 2;
     options.background = Background::white();
-    write_cfg_args(run, options);
+    write_text_atomic(run.cfg_args(), cfg_args(run, options));
     EXPECT_EQ(slurp(run.cfg_args()),
               "Namespace(data_device='cuda', eval=True, images='images_4', model_path='" + folder.path().string() +
                   "', resolution=4, sh_degree=2, source_path='/data/it\\'s', white_background=True)");
     options.appearance = "none";
     options.source = "builtin:glossy";
-    write_cfg_args(run, options);
+    write_text_atomic(run.cfg_args(), cfg_args(run, options));
     EXPECT_CONTAINS(slurp(run.cfg_args()), "sh_degree=0, source_path='builtin:glossy'");
     options.source = "/data/caf\xE9";
-    write_cfg_args(run, options);
+    write_text_atomic(run.cfg_args(), cfg_args(run, options));
     EXPECT_CONTAINS(slurp(run.cfg_args()), "source_path='/data/caf\\udce9'");
 }
 

@@ -72,7 +72,7 @@ TEST(Exif, ReachesTheViewsOfBothSetsWhereItIsAskedFor) {
     options.source = folder.path().string();
     options.eval = true;
     EXPECT_FALSE(load_scene(options).train[0].exif_exposure);
-    options.exif = true;
+    options.ppisp_exif = true;
     const Scene scene = load_scene(options);  // a is the test view
     ASSERT_EQ(scene.train.size(), 2u);
     EXPECT_NEAR(*scene.train[0].exif_exposure - *scene.test[0].exif_exposure, 2, 1e-3);

@@ -153,8 +153,7 @@ TEST(Frame, TheCallersFrameIsUsed) {
     write_moved_scene(folder.path(), 1e3, Vector3d::Zero());
     SceneOptions options;
     options.source = folder.path().string();
-    options.frame = Frame{{0, 0, 0}, 1};
-    EXPECT_NEAR(load_scene(options).train[1].camera.center().x(), -4000, 1e-9);
+    EXPECT_NEAR(load_scene(options, {.frame = Frame{{0, 0, 0}, 1}}).train[1].camera.center().x(), -4000, 1e-9);
 }
 
 TEST(Frame, PointsBeforeTheNearPlaneAndBlindCamerasAreReported) {

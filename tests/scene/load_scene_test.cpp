@@ -19,7 +19,7 @@ using namespace test;
 TEST(LoadScene, ColmapSceneIsSortedByNameAndLoads) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"sub/b c.png", "a.png", "Z.png"});
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(scene.kind, "colmap");
     EXPECT_EQ(scene.image_folder, "images");
     EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"Z.png", "a.png", "sub/b c.png"}));
@@ -39,15 +39,15 @@ TEST(LoadScene, ColmapSceneIsSortedByNameAndLoads) {
 TEST(LoadScene, EveryNthOfTheSortedListIsTest) {
     TempFolder folder;
     write_colmap_scene(folder.path(), numbered(10));
-    const Scene scene = load_scene(at(folder.path(), true));
+    const Scene scene = load_unframed(at(folder.path(), true));
     EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"a.png", "i.png"}));
     EXPECT_EQ(scene.train.size(), 8u);
     EXPECT_NE(scene.split_rule.find("index % 8 == 0"), std::string::npos);
     SceneOptions options = at(folder.path(), true);
     options.test_every = 3;
-    EXPECT_EQ(names_of(load_scene(options).test), (std::vector<std::string>{"a.png", "d.png", "g.png", "j.png"}));
+    EXPECT_EQ(names_of(load_unframed(options).test), (std::vector<std::string>{"a.png", "d.png", "g.png", "j.png"}));
     options.test_every = 0;
-    EXPECT_TRUE(load_scene(options).test.empty());
+    EXPECT_TRUE(load_unframed(options).test.empty());
 }
 
 TEST(LoadScene, TestListOverridesTheRule) {
@@ -56,9 +56,9 @@ TEST(LoadScene, TestListOverridesTheRule) {
     spit(folder / "list.txt", "# held out\nb.png\r\n\nd\n");
     SceneOptions options = at(folder.path(), true);
     options.test_list = (folder / "list.txt").string();
-    EXPECT_EQ(names_of(load_scene(options).test), (std::vector<std::string>{"b.png", "d.png"}));
+    EXPECT_EQ(names_of(load_unframed(options).test), (std::vector<std::string>{"b.png", "d.png"}));
     options.eval = false;
-    EXPECT_TRUE(mentions(load_scene(options).notes, "test list without --eval"));
+    EXPECT_TRUE(mentions(load_unframed(options).notes, "test list without --eval"));
     options.eval = true;
     spit(folder / "list.txt", "b.png\nx.png\n");
     EXPECT_CONTAINS(error_of(options), "list.txt: line 2: no image is named 'x.png'");
@@ -72,7 +72,7 @@ TEST(LoadScene, NamesInATestListMayDifferInFoldersAndCase) {
     SceneOptions options = at(folder.path(), true);
     options.test_list = (folder / "list.txt").string();
     spit(folder / "list.txt", "/data/images/left/b.PNG\nimages/c.png\n");
-    EXPECT_EQ(names_of(load_scene(options).test), (std::vector<std::string>{"c.png", "left/b.png"}));
+    EXPECT_EQ(names_of(load_unframed(options).test), (std::vector<std::string>{"c.png", "left/b.png"}));
     spit(folder / "list.txt", "b.png\n");
     EXPECT_CONTAINS(error_of(options), "list.txt: line 1: several images could be 'b.png'");
 }
@@ -85,7 +85,7 @@ TEST(LoadScene, TestListMayBeginWithAByteOrderMark) {
          "b.png\r\nd.png");
     SceneOptions options = at(folder.path(), true);
     options.test_list = (folder / "list.txt").string();
-    EXPECT_EQ(names_of(load_scene(options).test), (std::vector<std::string>{"b.png", "d.png"}));
+    EXPECT_EQ(names_of(load_unframed(options).test), (std::vector<std::string>{"b.png", "d.png"}));
     options.test_list = "/dev/zero";
     EXPECT_CONTAINS(error_of(options), "test list /dev/zero: cannot be read: it is a device");
 }
@@ -98,10 +98,10 @@ TEST(LoadScene, PipesInPlaceOfImagesMasksAndModelsAreNamed) {
         ASSERT_EQ(::mkfifo((folder / name).c_str(), 0666), 0);
     };
     make_pipe("images/a.png");
-    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "a.png: it is a named pipe"));
+    EXPECT_TRUE(mentions(load_unframed(at(folder.path())).notes, "a.png: it is a named pipe"));
     std::filesystem::create_directory(folder / "masks");
     make_pipe("masks/b.png");
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_CONTAINS(message_of<DataError>([&] { scene.train[0].load(); }), "masks/b.png: it is a named pipe");
     make_pipe("sparse/0/cameras.bin");
     EXPECT_CONTAINS(error_of(at(folder.path())), "cameras.bin: cannot be read: it is a named pipe");
@@ -135,7 +135,7 @@ TEST(LoadScene, FolderNamesMayHoldPatterns) {
     TempFolder folder;
     write_colmap_scene(folder / "scene", numbered(2));
     std::filesystem::rename(folder / "scene", folder / "*?[a]");
-    const Scene scene = load_scene(at(folder / "*?[a]"));
+    const Scene scene = load_unframed(at(folder / "*?[a]"));
     EXPECT_EQ(scene.train.size(), 2u);
     EXPECT_EQ(scene.train[0].load().color.u8, gradient_image(16, 12).u8);
 }
@@ -143,7 +143,7 @@ TEST(LoadScene, FolderNamesMayHoldPatterns) {
 TEST(LoadScene, OneImageIsNeverHeldOut) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png"});
-    const Scene scene = load_scene(at(folder.path(), true));
+    const Scene scene = load_unframed(at(folder.path(), true));
     EXPECT_EQ(scene.train.size(), 1u);
     EXPECT_TRUE(scene.test.empty());
     EXPECT_GT(scene.extent, 0) << "one camera has no spread, but its scene has a size";
@@ -153,7 +153,7 @@ TEST(LoadScene, IntrinsicsFollowTheActualSizePerAxis) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png", "b.png"});
     write_png(folder / "images/a.png", 8, 3);
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(scene.train[0].camera.width, 8);
     EXPECT_EQ(scene.train[0].camera.fx, 10);
     EXPECT_EQ(scene.train[0].camera.fy, 5);
@@ -169,7 +169,7 @@ TEST(LoadScene, PreScaledFolderIsPreferredToResizing) {
     write_colmap_scene(folder.path(), {"a.png", "b.png"});
     SceneOptions options = at(folder.path());
     options.resolution = 2;
-    const Scene resized = load_scene(options);
+    const Scene resized = load_unframed(options);
     EXPECT_EQ(resized.image_folder, "images");
     EXPECT_EQ(resized.train[0].camera.width, 8);
     EXPECT_EQ(resized.train[0].camera.height, 6);
@@ -181,7 +181,7 @@ TEST(LoadScene, PreScaledFolderIsPreferredToResizing) {
     // Sizes as published rarely divide evenly, extensions may differ.
     write_png(folder / "images_2/a.tif", 7, 6);
     write_png(folder / "images_2/b.png", 7, 6);
-    const Scene scaled = load_scene(options);
+    const Scene scaled = load_unframed(options);
     EXPECT_EQ(scaled.image_folder, "images_2");
     EXPECT_EQ(scaled.train[0].name, "a.png");
     EXPECT_EQ(scaled.train[0].camera.width, 7);
@@ -197,7 +197,7 @@ TEST(LoadScene, RenumberedPreScaledFilesArePairedByOrder) {
     write_png(folder / "images_4/frame_1.png", 4, 3);
     SceneOptions options = at(folder.path());
     options.resolution = 4;
-    EXPECT_EQ(names_of(load_scene(options).train), (std::vector<std::string>{"IMG_7.png", "IMG_9.png"}));
+    EXPECT_EQ(names_of(load_unframed(options).train), (std::vector<std::string>{"IMG_7.png", "IMG_9.png"}));
     write_png(folder / "images_4/frame_2.png", 4, 3);
     EXPECT_CONTAINS(error_of(options), "2 images missing");
 }
@@ -209,13 +209,13 @@ TEST(LoadScene, APreScaledFolderTakesThePlaceOfFullSizeImages) {
     for (const char* name : {"images_4/a.png", "images_4/b.png"}) write_png(folder / name, 4, 3);
     write_png(folder / "images_8/a.png", 2, 2);
     SceneOptions options = at(folder.path());
-    const Scene scene = load_scene(options);
+    const Scene scene = load_unframed(options);
     EXPECT_EQ(scene.image_folder, "images_4");
     EXPECT_TRUE(mentions(scene.facts, "images: images_4, because there is no folder 'images'"));
     EXPECT_EQ(scene.train[0].camera.width, 4);
     EXPECT_DOUBLE_EQ(scene.train[0].camera.fx, 5);
     options.resolution = 4;
-    EXPECT_EQ(load_scene(options).train[0].camera.width, 4);
+    EXPECT_EQ(load_unframed(options).train[0].camera.width, 4);
     options.resolution = 2;  // of 16 pixels, not of the 4 that there are
     EXPECT_CONTAINS(error_of(options), "there are images_4, images_8: take --images images_4");
 }
@@ -225,23 +225,23 @@ TEST(LoadScene, WidthRuleAndCap) {
     write_colmap_scene(folder.path(), {"a.png"});
     write_png(folder / "images/a.png", 3200, 20);
     SceneOptions options = at(folder.path());
-    Scene scene = load_scene(options);
+    Scene scene = load_unframed(options);
     EXPECT_EQ(scene.train[0].camera.width, 1600);
     EXPECT_EQ(scene.train[0].camera.height, 10);
     EXPECT_EQ(scene.train[0].load().color.width, 1600);
     EXPECT_TRUE(mentions(scene.notes, "wider than 1600 px"));
     EXPECT_FALSE(mentions(scene.facts, "box filter")) << "said once";
     options.resolution = 1;
-    EXPECT_EQ(load_scene(options).train[0].camera.width, 3200);
+    EXPECT_EQ(load_unframed(options).train[0].camera.width, 3200);
     options.resolution = 100;
-    EXPECT_EQ(load_scene(options).train[0].camera.width, 100);
+    EXPECT_EQ(load_unframed(options).train[0].camera.width, 100);
     options.resolution = 4000;
-    scene = load_scene(options);
+    scene = load_unframed(options);
     EXPECT_EQ(scene.train[0].camera.width, 3200);
     EXPECT_TRUE(mentions(scene.notes, "not enlarged"));
     for (const int bad : {0, -2, 3, 15}) {
         options.resolution = bad;
-        EXPECT_THROW(load_scene(options), UsageError) << bad;
+        EXPECT_THROW(load_unframed(options), UsageError) << bad;
     }
 }
 
@@ -249,7 +249,7 @@ TEST(LoadScene, DistortedCamerasAreUndistortedOnce) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png", "b.png"});
     spit(folder / "sparse/0/cameras.bin", cameras_bin({{1, 4, 16, 12, {20, 20, 8, 6, -0.1, 0, 0, 0}}}));
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_TRUE(mentions(scene.notes, "2 images with lens distortion (OPENCV)"));
     const ViewImage image = scene.train[0].load();
     EXPECT_EQ(image.color.width, scene.train[0].camera.width);
@@ -265,7 +265,7 @@ TEST(LoadScene, MissingUnreadableAndDoubleImagesAreNoted) {
     spit(folder / "sparse/0/images.bin", images_bin(images));
     std::filesystem::remove(folder / "images/a.png");
     spit(folder / "images/b.png", "");
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"c.png", "d.png"}));
     EXPECT_TRUE(mentions(scene.notes, "1 images missing: skipped (a.png)"));
     EXPECT_TRUE(mentions(scene.notes, "1 images unreadable: skipped"));
@@ -281,19 +281,19 @@ TEST(LoadScene, PointsThatNobodySeesAndNoPointsAreNoted) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png", "b.png"});
     spit(folder / "sparse/0/points3D.bin", points_bin({{1, 0, 0, 0}, {2, 0, 0, -9}, {3, 50, 0, 0}}));
-    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "2 of 3 points project into no image"));
+    EXPECT_TRUE(mentions(load_unframed(at(folder.path())).notes, "2 of 3 points project into no image"));
     std::vector<TestPoint> many;
     for (int i = 1; i <= 40; ++i) many.push_back({std::uint64_t(i), 0, 0, i <= 2 ? -9.0 : 0.0});
     spit(folder / "sparse/0/points3D.bin", points_bin(many));
-    const Scene few = load_scene(at(folder.path()));
+    const Scene few = load_unframed(at(folder.path()));
     EXPECT_FALSE(mentions(few.notes, "project into no image")) << "5 % are usual, and no warning";
     many[2].z = -9;
     spit(folder / "sparse/0/points3D.bin", points_bin(many));
-    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "3 of 40 points project into no image"));
+    EXPECT_TRUE(mentions(load_unframed(at(folder.path())).notes, "3 of 40 points project into no image"));
     spit(folder / "sparse/0/points3D.bin", points_bin({{2, 0, 0, -9}}));
-    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "none of the 1 points"));
+    EXPECT_TRUE(mentions(load_unframed(at(folder.path())).notes, "none of the 1 points"));
     spit(folder / "sparse/0/points3D.bin", points_bin({}));
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_TRUE(scene.points.positions.empty());
     EXPECT_TRUE(mentions(scene.notes, "no points: random initialisation"));
 }
@@ -310,7 +310,7 @@ TEST(LoadScene, PlyPointsReplaceAMissingPointFile) {
         "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
         "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n" +
             rows.data());
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     ASSERT_EQ(scene.points.positions.size(), 1u);
     EXPECT_EQ(scene.points.positions[0], Eigen::Vector3f(0.5f, 0.25f, 0));
     EXPECT_FLOAT_EQ(scene.points.colors[0][2], 0.2f);
@@ -322,7 +322,7 @@ TEST(LoadScene, MasksBecomeWeightsOrAlpha) {
     std::filesystem::create_directories(folder / "masks");
     write_image(folder / "masks/a.png.png", Image{16, 12, 3, std::vector<std::uint8_t>(16 * 12 * 3, 255), {}});
     SceneOptions options = at(folder.path());
-    Scene scene = load_scene(options);
+    Scene scene = load_unframed(options);
     EXPECT_TRUE(mentions(scene.notes, "1 of 2 images have no mask"));
     EXPECT_TRUE(mentions(scene.facts, "masks: 1 of 2 images have one"));
     EXPECT_TRUE(mentions(scene.facts, (folder / "masks/a.png.png").string()));
@@ -331,9 +331,9 @@ TEST(LoadScene, MasksBecomeWeightsOrAlpha) {
     EXPECT_EQ(scene.train[0].image_bytes, 16u * 12 * 4);
     EXPECT_FALSE(scene.train[1].load().mask);
     options.invert_masks = true;
-    EXPECT_EQ(load_scene(options).train[0].load().mask->u8[5], 0);
+    EXPECT_EQ(load_unframed(options).train[0].load().mask->u8[5], 0);
     options.mask_mode = MaskMode::kTransparent;
-    scene = load_scene(options);
+    scene = load_unframed(options);
     EXPECT_TRUE(scene.has_alpha);
     EXPECT_EQ(scene.train[0].load().color.channels, 4);
     EXPECT_EQ(scene.train[0].load().color.u8[3], 0);
@@ -344,10 +344,10 @@ TEST(LoadScene, RgbaPhotographsFollowTheAlphaMode) {
     write_colmap_scene(folder.path(), {"a.png"});
     write_png(folder / "images/a.png", 16, 12, 4);
     SceneOptions options = at(folder.path());
-    EXPECT_TRUE(load_scene(options).has_alpha);
-    EXPECT_EQ(load_scene(options).train[0].load().color.channels, 4);
+    EXPECT_TRUE(load_unframed(options).has_alpha);
+    EXPECT_EQ(load_unframed(options).train[0].load().color.channels, 4);
     options.alpha_mode = AlphaMode::kMask;
-    const Scene scene = load_scene(options);
+    const Scene scene = load_unframed(options);
     EXPECT_FALSE(scene.has_alpha);
     EXPECT_TRUE(scene.train[0].load().mask);
     EXPECT_EQ(scene.train[0].load().color.bytes() + 16 * 12, scene.train[0].image_bytes);
@@ -363,7 +363,7 @@ void write_nerf_synthetic(const TempFolder& folder) {
 TEST(LoadScene, NerfSyntheticKeepsItsSplitAndOrder) {
     TempFolder folder;
     write_nerf_synthetic(folder);
-    const Scene scene = load_scene(at(folder.path(), true));
+    const Scene scene = load_unframed(at(folder.path(), true));
     EXPECT_EQ(scene.kind, "nerf-synthetic");
     EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"train/r_1.png", "train/r_0.png"}));
     EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"test/r_0.png"}));
@@ -372,7 +372,7 @@ TEST(LoadScene, NerfSyntheticKeepsItsSplitAndOrder) {
     EXPECT_TRUE(scene.points.positions.empty());
     EXPECT_NEAR(scene.train[0].camera.fx, 8 / std::tan(0.4), 1e-9);
     EXPECT_NEAR(scene.extent, 1.1 * 0.5, 1e-9);
-    const Scene merged = load_scene(at(folder.path(), false));
+    const Scene merged = load_unframed(at(folder.path(), false));
     EXPECT_EQ(merged.train.size(), 3u);
     EXPECT_TRUE(merged.test.empty());
     EXPECT_NE(merged.split_rule.find("train as well"), std::string::npos);
@@ -383,13 +383,13 @@ TEST(LoadScene, TransformsFileIsSortedSplitAndScaled) {
     spit(folder / "transforms.json", "{\"fl_x\": 40, \"w\": 32, \"h\": 24, \"frames\": [" + frame("images/c.png") +
                                          "," + frame("images/a") + "," + frame("images/b.png", 3) + "]}");
     for (const char* name : {"a.jpg", "b.png", "c.png"}) write_png(folder / "images" / name);
-    const Scene scene = load_scene(at(folder.path(), true));
+    const Scene scene = load_unframed(at(folder.path(), true));
     EXPECT_EQ(scene.kind, "transforms");
     EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"images/a.jpg"}));
     EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"images/b.png", "images/c.png"}));
     EXPECT_EQ(scene.train[0].camera.fx, 20) << "half the size that the file states";
     EXPECT_EQ(scene.train[0].camera.cx, 8);
-    const Scene by_file = load_scene(at(folder / "transforms.json", true));
+    const Scene by_file = load_unframed(at(folder / "transforms.json", true));
     EXPECT_EQ(names_of(by_file.train), names_of(scene.train));
 }
 
@@ -399,7 +399,7 @@ TEST(LoadScene, TransformsFindAnImageWhoseNameIsTooLongWithAnotherExtension) {
     spit(folder / "transforms.json", "{\"fl_x\": 20, \"frames\": [" + frame("images/" + stem) + "]}");
     write_png(folder / "images/short.tif");  // its temporary file has a longer name
     std::filesystem::rename(folder / "images/short.tif", folder / "images" / (stem + ".tif"));
-    EXPECT_EQ(names_of(load_scene(at(folder.path(), false)).train),
+    EXPECT_EQ(names_of(load_unframed(at(folder.path(), false)).train),
               (std::vector<std::string>{"images/" + stem + ".tif"}));
 }
 
@@ -408,7 +408,7 @@ TEST(LoadScene, TransformsWithExplicitSplit) {
     spit(folder / "transforms.json", "{\"fl_x\": 20, \"test_filenames\": [\"images/b.png\"], \"frames\": [" +
                                          frame("images/a.png") + "," + frame("images/b.png") + "]}");
     for (const char* name : {"a.png", "b.png"}) write_png(folder / "images" / name);
-    const Scene scene = load_scene(at(folder.path(), true));
+    const Scene scene = load_unframed(at(folder.path(), true));
     EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"images/b.png"}));
     EXPECT_NE(scene.split_rule.find("test_filenames"), std::string::npos);
 }
@@ -418,7 +418,7 @@ TEST(LoadScene, MasksOfATransformsFileAreStatedOrFoundByName) {
     const std::vector<std::string> names{"images/front/a.png", "images/front/b.png", "images/back/a.png"};
     write_transforms_scene(folder.path(), names);
     write_png(folder / "masks/front/a.jpg");
-    Scene scene = load_scene(at(folder.path()));
+    Scene scene = load_unframed(at(folder.path()));
     EXPECT_TRUE(mentions(scene.facts,
                          "masks: 1 of 3 images have one, the first is " + (folder / "masks/front/a.jpg").string()));
     EXPECT_TRUE(mentions(scene.notes, "2 of 3 images have no mask: used whole"));
@@ -426,13 +426,13 @@ TEST(LoadScene, MasksOfATransformsFileAreStatedOrFoundByName) {
                                          frame(names[0], 0, ", \"mask_path\": \"gone/a.png\"") + "," +
                                          frame(names[1], 1, ", \"mask_path\": \"gone/b.png\"") + "," +
                                          frame(names[2], 2, ", \"mask_path\": null") + "]}");
-    scene = load_scene(at(folder.path()));
+    scene = load_unframed(at(folder.path()));
     EXPECT_TRUE(mentions(scene.notes,
                          "2 of 2 files that mask_path names do not exist (gone/a.png, gone/b.png); "
                          "1 masks are found by the image's name"));
     EXPECT_TRUE(mentions(scene.facts, "masks: 1 of 3 images have one"));
     std::filesystem::remove_all(folder / "masks");
-    scene = load_scene(at(folder.path()));
+    scene = load_unframed(at(folder.path()));
     EXPECT_TRUE(mentions(scene.notes, "(gone/a.png, gone/b.png): their images are used whole"));
     EXPECT_FALSE(mentions(scene.facts, "masks:"));
     EXPECT_EQ(scene.train.size(), 3u);
@@ -447,7 +447,7 @@ TEST(LoadScene, MasksAreFoundByTheFilesOfImagesHoweverTheDatasetSpellsThem) {
     write_png(folder / "images" / decomposed);
     write_png(folder / "masks/left/a.png");
     write_png(folder / "masks" / composed);
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     ASSERT_EQ(scene.train.size(), 2u);
     EXPECT_TRUE(scene.train[0].load().mask);
     EXPECT_TRUE(scene.train[1].load().mask);
@@ -456,7 +456,7 @@ TEST(LoadScene, MasksAreFoundByTheFilesOfImagesHoweverTheDatasetSpellsThem) {
 TEST(LoadScene, MasksBesidePhotographsAreNotTakenForThem) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png", "a.png.mask.png", "b.png"});
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"a.png", "b.png"}));
     EXPECT_TRUE(scene.train[0].load().mask);
     EXPECT_TRUE(mentions(scene.notes, "1 images are masks of others by their names"));
@@ -465,14 +465,14 @@ TEST(LoadScene, MasksBesidePhotographsAreNotTakenForThem) {
     write_png(folder / "images_2/1.png", 8, 6);
     SceneOptions options = at(folder.path());
     options.resolution = 2;
-    EXPECT_EQ(names_of(load_scene(options).train), (std::vector<std::string>{"a.png", "b.png"}));
+    EXPECT_EQ(names_of(load_unframed(options).train), (std::vector<std::string>{"a.png", "b.png"}));
 }
 
 TEST(LoadScene, MasksWhoseNamesFitNoImageAreNoted) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png"});
     write_png(folder / "masks/0001.png");
-    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes,
+    EXPECT_TRUE(mentions(load_unframed(at(folder.path())).notes,
                          (folder / "masks").string() + ": its files have the name of no image"));
 }
 
@@ -481,7 +481,7 @@ TEST(LoadScene, MasksOfAnotherShapeAreNoted) {
     write_colmap_scene(folder.path(), {"a.png", "b.png"});
     write_png(folder / "masks/a.png", 8, 6);
     write_png(folder / "masks/b.png", 8, 12);
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_TRUE(mentions(scene.notes, "1 masks have another shape than their images: stretched"));
     EXPECT_TRUE(mentions(scene.notes, "masks/b.png is 8x12, b.png 16x12"));
     EXPECT_EQ(scene.train[0].load().mask->width, 16);
@@ -496,7 +496,7 @@ TEST(LoadScene, OpaquePhotographsWithAlphaKeepTheirMasks) {
     SceneOptions options = at(folder.path());
     for (const AlphaMode mode : {AlphaMode::kTransparent, AlphaMode::kMask}) {
         options.alpha_mode = mode;
-        const ViewImage image = load_scene(options).train[0].load();
+        const ViewImage image = load_unframed(options).train[0].load();
         ASSERT_TRUE(image.mask);
         EXPECT_EQ(image.mask->u8[0], 255);
     }
@@ -520,7 +520,7 @@ TEST(LoadScene, AnImageFolderThatDoesNotExistIsRefusedForEveryKindOfScene) {
     // Configurations of photographed scenes name a folder, and serve built-in ones as well.
     SceneOptions options = at("builtin:diffuse");
     options.images = "pictures";
-    EXPECT_TRUE(mentions(load_scene(options).notes, "--images pictures is not used"));
+    EXPECT_TRUE(mentions(load_unframed(options).notes, "--images pictures is not used"));
 }
 
 TEST(LoadScene, AnotherImageFolderCountsForTransformsToo) {
@@ -530,7 +530,7 @@ TEST(LoadScene, AnotherImageFolderCountsForTransformsToo) {
     write_png(folder / "images_2/b.png", 8, 6);
     SceneOptions options = at(folder.path());
     options.images = "images_2";
-    const Scene scene = load_scene(options);
+    const Scene scene = load_unframed(options);
     EXPECT_EQ(scene.image_folder, "images_2");
     EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"images/b.png", "images/left/a.png"}));
     EXPECT_EQ(scene.train[1].camera.width, 8);
@@ -545,14 +545,14 @@ TEST(LoadScene, AnotherImageFolderOfTransformsHoldsFilesHoweverNamesAreSpelled) 
     write_png(folder / "small/left/c.png", 8, 6);
     SceneOptions options = at(folder.path());
     options.images = "small";
-    Scene scene = load_scene(options);
+    Scene scene = load_unframed(options);
     ASSERT_EQ(scene.train.size(), 3u);
     for (const View& view : scene.train) EXPECT_EQ(view.camera.width, 8);
     EXPECT_FALSE(mentions(scene.notes, "another place")) << "the folder was asked for";
     // Absolute names do not lead back to the files that they are of.
     spit(folder / "transforms.json",
          "{\"fl_x\": 20, \"frames\": [" + frame((folder / "images/left/c.png").string()) + "]}");
-    scene = load_scene(options);
+    scene = load_unframed(options);
     ASSERT_EQ(scene.train.size(), 1u);
     EXPECT_EQ(scene.train[0].camera.width, 8);
 }
@@ -582,7 +582,7 @@ TEST(LoadScene, TheMissingHalfOfAColmapModelIsNamed) {
 TEST(LoadScene, ImageThatChangesAfterwardsIsAnError) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png"});
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     write_png(folder / "images/a.png", 20, 12);
     EXPECT_CONTAINS(message_of<DataError>([&] { scene.train[0].load(); }), "is 20x12 now");
 }
@@ -611,7 +611,7 @@ Scene scene_with_cameras(const std::vector<std::uint32_t>& ids, bool eval) {
         write_png(folder.path() / "images" / names[i]);
     }
     write_model(folder.path() / "sparse/0", cameras, images, {{1, 0, 0, 0, 255, 128, 0, 2}});
-    return load_scene(at(folder.path(), eval));
+    return load_unframed(at(folder.path(), eval));
 }
 
 TEST(LoadScene, CamerasAreNumberedByTheirIds) {
@@ -640,7 +640,7 @@ TEST(LoadScene, ALensThatFoldsLeavesOutItsImagesAlone) {
     images[1].camera_id = 2;
     for (const TestImage& image : images) write_png(folder / "images" / image.name);
     write_model(folder / "sparse/0", {TestCamera{}, {2, 2, 16, 12, {10, 8, 6, -1.5}}}, images, {TestPoint{}});
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"a.png", "c.png", "d.png"}));
     EXPECT_TRUE(
         mentions(scene.notes, "1 images are left out because their camera cannot be used (first: image 'b.png'"));
@@ -658,7 +658,7 @@ TEST(LoadScene, AFrameThatCannotBeUsedIsLeftOutAlone) {
                                          R"(}, {"file_path": "images/b.png", )" + bad +
                                          R"(}, {"file_path": "images/c.png", "fl_x": NaN, )" + good +
                                          R"(}, {"file_path": "C:\\shoot\\d.png", )" + good + "}]}");
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"C:/shoot/d.png", "images/a.png"}));
     EXPECT_TRUE(mentions(scene.notes, "2 of 4 frames are left out because they cannot be used (first: "));
     EXPECT_TRUE(mentions(scene.notes, "frame 1: key 'transform_matrix' must be"));
@@ -673,7 +673,7 @@ TEST(LoadScene, ACameraFarOutsideOfTheOthersIsNamed) {
         auto images = row_of_images(names);
         for (std::size_t i = 0; i < distances.size(); ++i) images[i].pose[4] = distances[i];
         spit(folder / "sparse/0/images.bin", images_bin(images));
-        for (const std::string& note : load_scene(at(folder.path())).notes)
+        for (const std::string& note : load_unframed(at(folder.path())).notes)
             if (note.find("far outside of the others") != std::string::npos) return note;
         return std::string();
     };

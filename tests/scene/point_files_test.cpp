@@ -94,13 +94,13 @@ TEST(PointPly, ACompressedModelIsNamed) {
     EXPECT_CONTAINS(message_of<DataError>([&] { read_point_ply(folder / "p.ply", notes); }), "compressed model");
 }
 
-std::size_t num_points(const std::filesystem::path& scene) { return load_scene(at(scene)).points.positions.size(); }
+std::size_t num_points(const std::filesystem::path& scene) { return load_unframed(at(scene)).points.positions.size(); }
 
 TEST(PointFiles, AColmapSceneTakesThePlyOfItsModelFirstAndSaysWhatIsNotUsed) {
     TempFolder folder;
     write_colmap_scene(folder.path(), numbered(2));  // with three points
     spit(folder / "sparse/0/points3d.ply", points_at(0, 5));
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(scene.points.positions.size(), 5u);
     EXPECT_TRUE(mentions(scene.facts, "points: 5 of " + (folder / "sparse/0/points3d.ply").string()));
     EXPECT_TRUE(mentions(scene.notes, "not used: " + (folder / "sparse/0/points3D.bin").string() + " (3 points)"));
@@ -110,7 +110,7 @@ TEST(PointFiles, AnEmptyPlyGivesWayToColmapsPoints) {
     TempFolder folder;
     write_colmap_scene(folder.path(), numbered(2));
     spit(folder / "sparse/0/points3D.ply", points_at(0, 0));
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(scene.points.positions.size(), 3u);
     EXPECT_TRUE(mentions(scene.notes, "points3D.ply: it holds no points"));
 }
@@ -119,7 +119,7 @@ TEST(PointFiles, ACopyOfColmapsPointsIsNotPreferred) {
     TempFolder folder;
     write_colmap_scene(folder.path(), numbered(2));
     spit(folder / "sparse/0/points3D.ply", points_at(9, 3));
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(scene.points.positions[0], Eigen::Vector3f(0, 0, 0));
     EXPECT_TRUE(scene.notes.empty());
     EXPECT_TRUE(mentions(scene.facts, "is taken for a copy"));
@@ -152,11 +152,11 @@ TEST(PointFiles, NerfSyntheticScenesUseThePlyBesideThem) {
     EXPECT_EQ(num_points(folder.path()), 4u);
     spit(folder / "other.ply", points_at(0, 6));
     write("\"ply_file_path\": \"./other.ply\", ");
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(scene.points.positions.size(), 6u);
     EXPECT_TRUE(mentions(scene.notes, "points3D.ply (4 points); ply_file_path names the first"));
     write("\"ply_file_path\": \"gone.ply\", ");
-    const Scene without = load_scene(at(folder.path()));
+    const Scene without = load_unframed(at(folder.path()));
     EXPECT_EQ(without.points.positions.size(), 4u);
     EXPECT_TRUE(mentions(without.notes, "ply_file_path 'gone.ply' does not exist: ignored"));
 }
@@ -167,7 +167,7 @@ TEST(PointFiles, ATransformsFileUsesThePlyBesideIt) {
     spit(folder / "pointcloud.ply", points_at(0, 4));
     EXPECT_EQ(num_points(folder.path()), 4u);
     spit(folder / "sparse_pc.ply", points_at(0, 5));
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(scene.points.positions.size(), 5u);
     EXPECT_TRUE(mentions(scene.notes, "pointcloud.ply (4 points)"));
     write_transforms_scene(folder.path(), {"images/a.png"}, "\"ply_file_path\": \"/elsewhere/pointcloud.ply\", ");

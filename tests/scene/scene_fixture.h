@@ -127,17 +127,18 @@ inline void write_colmap_scene(const std::filesystem::path& scene, const std::ve
     for (const std::string& name : names) write_png(scene / "images" / name);
 }
 
-/// Options for a scene whose frame is that of its files.
 inline SceneOptions at(const std::filesystem::path& source, bool eval = false) {
     SceneOptions options;
     options.source = source.string();
     options.eval = eval;
-    options.frame = Frame{};  // tests state scene coordinates; frame_test.cpp has the scene's own frame
     return options;
 }
 
+/// Loads a scene in the frame of its files, as tests state coordinates; frame_test.cpp has the scene's own frame.
+inline Scene load_unframed(const SceneOptions& options) { return load_scene(options, {.frame = Frame{}}); }
+
 inline std::string error_of(const SceneOptions& options) {
-    return message_of<DataError>([&] { load_scene(options); });
+    return message_of<DataError>([&] { load_unframed(options); });
 }
 
 inline std::vector<std::string> names_of(const std::vector<View>& views) {

@@ -16,7 +16,7 @@ Scene scene_with(const std::string& keys, bool eval = true) {
     Names names;
     for (const std::string& name : numbered(6)) names.push_back("images/" + name);
     write_transforms_scene(folder.path(), names, keys);
-    return load_scene(at(folder.path(), eval));
+    return load_unframed(at(folder.path(), eval));
 }
 
 /// The letters of the views' names: "abc".
@@ -76,7 +76,7 @@ TEST(GivenSplit, TestFramesThatCannotBeUsedAreLeftOut) {
     spit(folder / "transforms.json", "{\"fl_x\": 20, \"test_frames\": [" + frame("b.png") +
                                          ", {\"file_path\": \"c.png\", \"transform_matrix\": [[NaN]]}], \"frames\": [" +
                                          frame("a.png", 1) + "]}");
-    const Scene scene = load_scene(at(folder.path(), true));
+    const Scene scene = load_unframed(at(folder.path(), true));
     EXPECT_EQ(letters(scene.train), "a");
     EXPECT_EQ(letters(scene.test), "b");
     EXPECT_TRUE(mentions(scene.notes, "1 of 2 test_frames are left out because they cannot be used (first: "));
@@ -95,7 +95,6 @@ TEST(GivenSplit, PosesOfFramesThatAreLeftOutDoNotMatter) {
     const auto load = [&](const std::string& more) {
         spit(folder / "transforms.json", "{\"fl_x\": 20, \"frames\": [" + frames + more + "]}");
         SceneOptions options = at(folder.path());
-        options.frame.reset();
         return load_scene(options);
     };
     const Scene without = load(""), with = load("," + frame("f.png", 1e7, ", \"is_bad\": true"));
@@ -120,7 +119,7 @@ TEST(GivenSplit, BadFramesAreLeftOut) {
     spit(folder / "transforms.json", "{\"fl_x\": 20, \"frames\": [" + frame("a.png") + "," +
                                          frame("b.png", 1, ", \"is_bad\": true") + "," +
                                          frame("c.png", 2, ", \"is_bad\": false") + "]}");
-    const Scene scene = load_scene(at(folder.path()));
+    const Scene scene = load_unframed(at(folder.path()));
     EXPECT_EQ(letters(scene.train), "ac");
     EXPECT_TRUE(mentions(scene.notes, "frames of transforms.json: 1 are marked is_bad: left out (b.png)"));
 }
@@ -131,12 +130,12 @@ TEST(GivenSplit, TestFramesTestAndNeverTrain) {
     spit(folder / "transforms.json", "{\"fl_x\": 20, \"test_frames\": [" + frame("b.png") + "," +
                                          frame("d.png", 1, ", \"is_bad\": true") + "], \"frames\": [" +
                                          frame("a.png", 1) + "," + frame("b.png", 2) + "," + frame("c.png", 3) + "]}");
-    const Scene scene = load_scene(at(folder.path(), true));
+    const Scene scene = load_unframed(at(folder.path(), true));
     EXPECT_EQ(letters(scene.train), "ac") << "b.png is in both lists";
     EXPECT_EQ(letters(scene.test), "b");
     EXPECT_CONTAINS(scene.split_rule, "test_frames of transforms.json");
     EXPECT_TRUE(mentions(scene.notes, "test_frames of transforms.json: 1 are marked is_bad: left out (d.png)"));
-    EXPECT_EQ(letters(load_scene(at(folder.path())).train), "ac");
+    EXPECT_EQ(letters(load_unframed(at(folder.path())).train), "ac");
 }
 
 TEST(GivenSplit, ASplitThatLeavesNothingToTrainIsRefused) {
@@ -151,7 +150,7 @@ TEST(GivenSplit, ATestListOfTheCommandLineReplacesIt) {
     spit(folder / "list.txt", "b\n");
     SceneOptions options = at(folder.path(), true);
     options.test_list = (folder / "list.txt").string();
-    const Scene scene = load_scene(options);
+    const Scene scene = load_unframed(options);
     EXPECT_EQ(letters(scene.test), "b");
     EXPECT_EQ(letters(scene.train), "cd");
     EXPECT_CONTAINS(scene.split_rule, "those of test_filenames of transforms.json do not train either");
@@ -161,12 +160,12 @@ TEST(GivenSplit, TestTxtOfAColmapModelTests) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png", "left/b.png", "c.png"});
     spit(folder / "sparse/0/test.txt", "b.png\r\nc\ngone.png\n");
-    const Scene scene = load_scene(at(folder.path(), true));
+    const Scene scene = load_unframed(at(folder.path(), true));
     EXPECT_EQ(letters(scene.train), "a");
     EXPECT_EQ(letters(scene.test), "cb");
     EXPECT_CONTAINS(scene.split_rule, "given: test.txt of the model");
     EXPECT_TRUE(mentions(scene.notes, "1 of 3 lines name no image: ignored (gone.png)"));
-    const Scene all = load_scene(at(folder.path()));
+    const Scene all = load_unframed(at(folder.path()));
     EXPECT_EQ(all.train.size(), 3u);
     EXPECT_CONTAINS(all.split_rule, "the test views of test.txt of the model train as well, as in 3DGS");
 }
@@ -174,17 +173,17 @@ TEST(GivenSplit, TestTxtOfAColmapModelTests) {
 TEST(GivenSplit, FoldersOfImagesMayBeASplit) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"train/a.png", "test/b.png", "val/c.png", "train/d.png"});
-    const Scene scene = load_scene(at(folder.path(), true));
+    const Scene scene = load_unframed(at(folder.path(), true));
     EXPECT_EQ(letters(scene.train), "ad");
     EXPECT_EQ(letters(scene.test), "b");
     EXPECT_CONTAINS(scene.split_rule, "given: the image folders train and test");
     EXPECT_TRUE(mentions(scene.notes, "1 images of the folder val neither train nor test"));
     TempFolder other;
     write_colmap_scene(other.path(), {"train/a.png", "test/b.png", "more/c.png"});
-    EXPECT_CONTAINS(load_scene(at(other.path(), true)).split_rule, "index % 8 == 0");
+    EXPECT_CONTAINS(load_unframed(at(other.path(), true)).split_rule, "index % 8 == 0");
     TempFolder transforms;
     write_transforms_scene(transforms.path(), {"images/Train/a.png", "images/Val/b.png"});
-    EXPECT_EQ(letters(load_scene(at(transforms.path(), true)).test), "b");
+    EXPECT_EQ(letters(load_unframed(at(transforms.path(), true)).test), "b");
 }
 
 TEST(GivenSplit, ValFramesOfASyntheticSceneTestWithoutOthers) {
@@ -194,8 +193,8 @@ TEST(GivenSplit, ValFramesOfASyntheticSceneTestWithoutOthers) {
         spit(folder / ("transforms_" + std::string(part) + ".json"),
              "{\"camera_angle_x\": 0.8, \"frames\": [" + frame(std::string(part) + "/r_0") + "]}");
     }
-    EXPECT_EQ(names_of(load_scene(at(folder.path(), true)).test), Names{"val/r_0.png"});
-    EXPECT_EQ(names_of(load_scene(at(folder.path())).train), Names{"train/r_0.png"});
+    EXPECT_EQ(names_of(load_unframed(at(folder.path(), true)).test), Names{"val/r_0.png"});
+    EXPECT_EQ(names_of(load_unframed(at(folder.path())).train), Names{"train/r_0.png"});
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include <chrono>
 
 #include "kernels/base/error.h"
-#include "lib/core/bytes.h"
+#include "lib/core/quantities.h"
 #include "lib/scene/image_cache.h"
 #include "tests/scene/scene_fixture.h"
 
@@ -39,8 +39,7 @@ class VerifyImages : public ::testing::Test {
         SceneOptions options;
         options.source = folder_.path().string();
         options.eval = eval;
-        options.scores = eval;
-        return load_scene(options);
+        return load_scene(options, {.scores = eval});
     }
     static constexpr std::size_t kImageBytes = 64 * 48 * 3;
     TempFolder folder_;
@@ -267,28 +266,6 @@ TEST(ImageCache, DestructionDropsTheQueue) {
         for (int i = 0; i < 50; ++i) cache.prefetch(i);
     }
     SUCCEED();
-}
-
-TEST(ParseBytes, UnitsAndFractions) {
-    EXPECT_EQ(parse_bytes("0"), 0u);
-    EXPECT_EQ(parse_bytes("7B"), 7u);
-    EXPECT_EQ(parse_bytes("4GiB"), std::uint64_t(4) << 30);
-    EXPECT_EQ(parse_bytes("4g"), std::uint64_t(4) << 30);
-    EXPECT_EQ(parse_bytes(" 500 MB "), 500000000u);
-    EXPECT_EQ(parse_bytes("1.5KiB"), 1536u);
-    EXPECT_EQ(parse_bytes("2TiB"), std::uint64_t(2) << 40);
-}
-
-TEST(ParseBytes, NonsenseIsAUsageErrorNamingIt) {
-    for (const char* text :
-         {"", "GiB", "-1", "123", "4 apples", "4GiBs", "1e9999", "nan", "inf", "1,5G", "99999999999TiB", "4kb5"}) {
-        try {
-            parse_bytes(text);
-            ADD_FAILURE() << text << " was accepted";
-        } catch (const UsageError& error) {
-            EXPECT_NE(std::string(error.what()).find("'" + std::string(text) + "'"), std::string::npos) << error.what();
-        }
-    }
 }
 
 }  // namespace

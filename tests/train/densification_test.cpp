@@ -65,7 +65,7 @@ TrainOptions speedy_options() {
 /// Makes all calls of a whole training. Returns the numbers of Gaussians that before_step and
 /// after_step pruned by score.
 std::pair<std::int64_t, std::int64_t> walk(TrainOptions o, test::BackendOf<Watched>& backend) {
-    validate(o);
+    o = resolve(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, std::vector<RenderRequest>(3));
     backend.upload({});
     std::pair<std::int64_t, std::int64_t> pruned{0, 0};

@@ -70,7 +70,7 @@ void expect_training_works(const ModelInfo& model, ColorActivation activation, c
     o.color_activation = activation;
     o.iterations = kEpochs * std::int64_t(kViews);
     o.device = Device::kCpu;
-    validate(o);
+    o = resolve(o);
     std::vector<double> losses;
     TrainHooks hooks;
     hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) {

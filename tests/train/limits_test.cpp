@@ -43,7 +43,7 @@ TrainOptions options_for(const std::filesystem::path& folder) {
 }
 
 TrainSummary run(TrainOptions options, const TrainHooks& hooks = {}) {
-    validate(options);
+    options = resolve(options);
     Progress progress(ProgressStyle::kSilent);
     return train(options, scene(), open_run(options), progress, hooks);
 }
@@ -51,7 +51,7 @@ TrainSummary run(TrainOptions options, const TrainHooks& hooks = {}) {
 TEST(TimeLimit, EndsWithTheModelAndWithoutACheckpoint) {
     const test::TemporaryFolder tmp;
     TrainOptions o = options_for(tmp.path() / "run");
-    o.time_limit = "1s";
+    o.time_limit = parse_duration("1s", "");
     const TrainSummary summary = run(o);
     EXPECT_GT(summary.iterations, 1);
     EXPECT_GT(summary.limited_seconds, 0.8);
@@ -62,13 +62,13 @@ TEST(TimeLimit, EndsWithTheModelAndWithoutACheckpoint) {
     EXPECT_EQ(ended_at(o), summary.iterations);
     EXPECT_EQ(read_ply(folder.point_cloud(summary.iterations)).count, summary.num_gaussians);
     EXPECT_FALSE(std::filesystem::exists(folder.checkpoint(summary.iterations)));
-    EXPECT_TRUE(load_run_options(o.model).time_limit == "1s");
+    EXPECT_TRUE(load_run_options(o.model).time_limit == o.time_limit);
 }
 
 TEST(TimeLimit, AResumedRunHasTheTimeThatWasLeft) {
     const test::TemporaryFolder tmp;
     TrainOptions o = options_for(tmp.path() / "run");
-    o.time_limit = "1s";
+    o.time_limit = parse_duration("1s", "");
     o.checkpoint_iterations = {3};
     const TrainSummary whole = run(o);
     const auto file = RunFolder{o.model}.checkpoint(3);
@@ -77,7 +77,7 @@ TEST(TimeLimit, AResumedRunHasTheTimeThatWasLeft) {
     EXPECT_GT(checkpoint.time->limited_seconds, 0);
     EXPECT_LT(checkpoint.time->limited_seconds, whole.limited_seconds);
     o.resume = file.string();
-    o.time_limit = "0.7s";  // so that it ends earlier than the first part did
+    o.time_limit = parse_duration("0.7s", "");  // so that it ends earlier than the first part did
     const TrainSummary rest = run(o);
     EXPECT_GT(rest.iterations, 3);
     EXPECT_GT(rest.limited_seconds, 0.5) << "counts both parts";
@@ -88,7 +88,7 @@ TEST(TimeLimit, AResumedRunHasTheTimeThatWasLeft) {
 TEST(TimeLimit, EvaluationsDoNotCount) {
     const test::TemporaryFolder tmp;
     TrainOptions o = options_for(tmp.path() / "run");
-    o.time_limit = "0.6s";
+    o.time_limit = parse_duration("0.6s", "");
     o.test_iterations = {1};
     TrainHooks hooks;
     hooks.evaluate = [](std::int64_t, Backend&, bool last) {
@@ -106,7 +106,7 @@ TEST(TimeLimit, EvaluationsDoNotCount) {
 TEST(TimeLimit, ControllersHaveAShare) {
     const test::TemporaryFolder tmp;
     TrainOptions o = options_for(tmp.path() / "run");
-    o.time_limit = "2s", o.ppisp = PpispMode::kOn;
+    o.time_limit = parse_duration("2s", ""), o.ppisp = PpispMode::kOn;
     const TrainSummary summary = run(o);
     EXPECT_GT(summary.controller_iterations, 0);
     EXPECT_GT(summary.controller_seconds, 0);
@@ -151,7 +151,7 @@ TEST(FrameLimit, EndsWithFramesThatAreFastEnough) {
     for (const char* limit : {"4ms", "15ms"}) {  // fewer than the first points, and more
         TrainOptions o = options_for(tmp.path() / limit);
         o.iterations = 400;
-        o.frame_limit = limit;
+        o.frame_limit = parse_duration(limit, "");
         const TrainSummary summary = run(o, slow_device());
         const double seconds = limit[0] == '4' ? 0.004 : 0.015;
         EXPECT_LE(summary.frame_seconds, seconds);
@@ -163,7 +163,7 @@ TEST(FrameLimit, EndsWithFramesThatAreFastEnough) {
 TEST(FrameLimit, ALimitThatNoFrameMeetsIsRefused) {
     const test::TemporaryFolder tmp;
     TrainOptions o = options_for(tmp.path() / "run");
-    o.frame_limit = "0.5ms";
+    o.frame_limit = parse_duration("0.5ms", "");
     try {
         run(o, slow_device());
         FAIL();
@@ -215,7 +215,7 @@ TEST(CoarseImages, ComeFirstAndAreOtherImages) {
 
 TEST(CoarseImages, AreAveragesOverAreas) {
     TrainOptions o = options_for("unused");
-    validate(o);
+    o = resolve(o);
     TrainingViews views(o, scene());
     const auto full = views.at(0, 1), coarse = views.at(0, 1, 2);
     ASSERT_EQ(full.index, coarse.index);
@@ -269,7 +269,7 @@ TEST(TargetPsnr, SaysWhyItWasNotReached) {
 TEST(TargetPsnr, ATimeLimitEndsTheSearch) {
     const test::TemporaryFolder tmp;
     TrainOptions o = options_for(tmp.path() / "run");
-    o.iterations = 1000000, o.target_psnr = 50, o.time_limit = "0.5s";
+    o.iterations = 1000000, o.target_psnr = 50, o.time_limit = parse_duration("0.5s", "");
     TrainHooks hooks;
     int measured = 0;
     hooks.held_out_psnr = [&](Backend&) { return HeldOutPsnr{20.0 + ++measured}; };  // there is always hope
@@ -326,8 +326,8 @@ TEST(TargetPsnr, ARunThatStoppedInItsFirstTrainingEndsIt) {
 TEST(TimeLimit, TimeBeforeTheFirstStepCounts) {
     const test::TemporaryFolder tmp;
     TrainOptions o = options_for(tmp.path() / "run");
-    o.time_limit = "1s";
-    validate(o);
+    o.time_limit = parse_duration("1s", "");
+    o = resolve(o);
     Progress progress(ProgressStyle::kSilent);
     RunStart start = open_run(o);
     start.used_seconds = 0.5;
@@ -343,11 +343,11 @@ TEST(TargetPsnr, ContradictionsAreRefused) {
     o.source = "builtin:diffuse", o.target_psnr = 30;
     TrainOptions fixed = o, adc = o;
     fixed.schedule = ScheduleKind::kFixed;
-    EXPECT_THROW(validate(fixed), UsageError);
+    EXPECT_THROW(resolve(fixed), UsageError);
     adc.strategy = Strategy::kAdc;
-    EXPECT_THROW(validate(adc), UsageError);
+    EXPECT_THROW(resolve(adc), UsageError);
     o.target_psnr = -1;
-    EXPECT_THROW(validate(o), UsageError);
+    EXPECT_THROW(resolve(o), UsageError);
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ TrainOptions options_for(const std::filesystem::path& folder, std::int64_t itera
     o.ppisp = PpispMode::kOn;
     o.controller_iterations = 0;
     o.schedule = ScheduleKind::kFixed;  // parts of a run, which have other lengths, follow the same schedule
-    validate(o);
+    o = resolve(o);
     return o;
 }
 
@@ -82,7 +82,7 @@ TEST(PhotometricOptions, ConflictsAreNamed) {
         TrainOptions o;
         o.source = "x";
         change(o);
-        const std::string text = message_of<UsageError>([&] { validate(o); });
+        const std::string text = message_of<UsageError>([&] { resolve(o); });
         return text.empty() ? "ppisp " + word(o.ppisp) : text;
     };
     EXPECT_EQ(message([](TrainOptions&) {}), "ppisp off");

@@ -77,7 +77,7 @@ TrainOptions small_options(const fs::path& folder, Strategy strategy) {
     o.densify_grad_threshold = 1e-6;
     o.opacity_reset_interval = 40;
     o.schedule = ScheduleKind::kFixed;  // parts of a run, which have other lengths, follow the same schedule
-    validate(o);
+    o = resolve(o);
     return o;
 }
 
@@ -471,7 +471,7 @@ TEST(Train, AnImageThatVanishesLeavesACheckpointThatResumesBitForBit) {
     for (const std::int64_t lost : {34, 30}) {
         TrainOptions whole = small_options(tmp.path() / ("whole" + std::to_string(lost)), Strategy::kAdc),
                      part = small_options(tmp.path() / ("part" + std::to_string(lost)), Strategy::kAdc);
-        whole.image_cache = part.image_cache = "0";
+        whole.image_cache = part.image_cache = parse_bytes("0", "");
         run(whole, small_scene());
         Scene failing = small_scene();
         ViewOrder order(failing.train.size(), part.seed);
@@ -705,7 +705,7 @@ TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
         num_images = backend->num_images();
         return std::nullopt;
     };
-    late.image_cache = "1MiB";
+    late.image_cache = parse_bytes("1MiB", "");
     late.deterministic = true;
     Progress progress(ProgressStyle::kSilent);
     const TrainSummary summary = train(late, small_scene(), open_run(late), progress, hooks);
@@ -733,7 +733,7 @@ TEST(LearningRates, FollowTheTable) {
     scene.extent = 2;
     TrainOptions o;
     o.source = "x";
-    validate(o);
+    o = resolve(o);
     const LearningRates rates(o, appearance_spec(o), scene);
     StepRequest r;
     rates.apply(moment_at(o, 0), r);
@@ -749,14 +749,14 @@ TEST(LearningRates, FollowTheTable) {
     TrainOptions adc;
     adc.source = "x";
     adc.strategy = Strategy::kAdc;
-    validate(adc);
+    adc = resolve(adc);
     EXPECT_DOUBLE_EQ(adc.opacity_lr, 0.025);
     LearningRates(adc, appearance_spec(adc), scene).apply(moment_at(adc, 0), r);
     EXPECT_EQ(r.noise, 0);
 }
 
 TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
-    const double automatic = std::nan("");
+    const std::optional<double> automatic;
     EXPECT_DOUBLE_EQ(opacity_rate(0.3, 5), 0.3);
     EXPECT_DOUBLE_EQ(opacity_rate(automatic, 1e-6), 0.025);
     EXPECT_DOUBLE_EQ(opacity_rate(automatic, 0.3536), 0.025);
@@ -767,7 +767,7 @@ TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
     TrainOptions o;
     o.source = "x";
     o.opacity_lr = automatic;
-    validate(o);
+    o = resolve(o);
     StepRequest r;
     LearningRates(o, appearance_spec(o), scene).apply(moment_at(o, 0), r);
     EXPECT_DOUBLE_EQ(r.rates[3], opacity_rate(automatic, camera_spacing(scene.train)));
@@ -781,7 +781,7 @@ std::vector<int> degrees(const std::string& appearance, std::vector<std::int64_t
                          const std::set<std::int64_t>& held = {}) {
     TrainOptions o;
     o.source = "x", o.appearance = appearance, o.strategy = Strategy::kNone;
-    validate(o);
+    o = resolve(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, {});
     const auto backend = make_cpu_backend(appearance_spec(o));
     std::vector<int> out;
@@ -808,7 +808,7 @@ TEST(DegreeSchedule, WaitsWhileItIsHeld) {
 TEST(DegreeSchedule, GoesOnFromTheDegreeOfACheckpoint) {
     TrainOptions o;
     o.source = "x", o.strategy = Strategy::kNone;
-    validate(o);
+    o = resolve(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, {});
     const auto backend = make_cpu_backend(appearance_spec(o));
     schedule.resume(1);  // it was held once

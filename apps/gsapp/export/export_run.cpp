@@ -36,7 +36,7 @@
 #include "lib/scene/camera_params.h"
 #include "lib/scene/frame.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 namespace {
@@ -307,7 +307,7 @@ std::vector<Camera> cameras_of(const ExportRequest& request) {
     if (!is_point_cloud(request.run)) return read_camera_path(RunFolder{request.run}.cameras(), Frame{}).cameras;
     std::vector<Camera> cameras;
     if (request.changes.source.empty()) return cameras;
-    const Scene scene = load_scene(scene_options(saved_options(request.run, request.changes)));
+    const Scene scene = load_scene(saved_options(request.run, request.changes));
     for (const auto* views : {&scene.test, &scene.train})
         for (const View& view : *views) cameras.push_back(view.camera);
     return cameras;

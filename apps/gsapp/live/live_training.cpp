@@ -16,7 +16,7 @@
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/model/run_folder.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 namespace {
@@ -41,7 +41,7 @@ LivePageFacts facts_of(const TrainOptions& options, const std::vector<View>& vie
 LiveTraining::LiveTraining(const TrainOptions& options, const Scene& scene, std::optional<int> port)
     : options_(options), scene_(scene), views_(shown_views(scene)), page_(facts_of(options, views_), port) {
     page_.tell({{"state", "starting"}});
-    if (options.time_limit.empty()) page_.tell({{"iterations", options.iterations}});
+    if (!options.time_limit) page_.tell({{"iterations", options.iterations}});
 }
 
 LiveTraining::~LiveTraining() {

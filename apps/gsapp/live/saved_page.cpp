@@ -20,7 +20,7 @@
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"
 #include "lib/model/whole_model.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 namespace {
@@ -49,10 +49,10 @@ SavedPage::SavedPage(fs::path target, const std::string& source, std::optional<i
             throw DataError(fmt::format("{}: the run has saved no model", target_.string()));
         scene_ = scene_name(options.source);
         background_ = options.background.color;
-        SceneOptions scene = scene_options(options);
-        if (newest) scene.frame = read_saved_model(target_, newest).frame;
+        LoadRules rules;
+        if (newest) rules.frame = read_saved_model(target_, newest).frame;
         try {
-            const Scene loaded = load_run_scene(target_, options, scene);
+            const Scene loaded = load_run_scene(target_, options, rules);
             views_ = shown_views(loaded);
             are_training_views_ = loaded.test.empty();
             frame_ = loaded.frame;

@@ -9,8 +9,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/base/error.h"
-#include "lib/core/bytes.h"
-#include "lib/core/duration.h"
+#include "lib/core/quantities.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/export/ngsplat.h"
@@ -59,7 +58,7 @@ void note_full_count(Plan& plan, const TrainOptions& options, const Scene& scene
 /// Returns the loss of a training of so many iterations; empty where the length is found by a search, and where the
 /// losses of the recipe were not measured.
 std::optional<double> loss_of_iterations(const Plan& plan, const TrainOptions& options, std::int64_t iterations) {
-    if (options.recipe != Recipe::kFrontier || options.target_psnr > 0 || iterations == 0 || plan.num_views == 0)
+    if (options.recipe != Recipe::kFrontier || options.target_psnr || iterations == 0 || plan.num_views == 0)
         return std::nullopt;
     return loss_of_length(double(iterations) / double(plan.num_views));
 }
@@ -68,7 +67,7 @@ std::optional<double> loss_of_iterations(const Plan& plan, const TrainOptions& o
 /// --time-limit comes closer)".
 std::string loss_words(double loss, const TrainOptions& options) {
     const bool short_preset = options.preset == Preset::kFast || options.preset == Preset::kBalanced;
-    const char* option = !options.time_limit.empty()                             ? "a longer --time-limit comes"
+    const char* option = options.time_limit                             ? "a longer --time-limit comes"
                          : short_preset && !options.named.contains("iterations") ? "--preset best comes"
                                                                                  : "more --iterations come";
     return fmt::format("{} below a training of any length ({} closer)", about(loss), option);
@@ -77,25 +76,25 @@ std::string loss_words(double loss, const TrainOptions& options) {
 /// Returns the option that keeps a model of so many Gaussians from more of them.
 const char* limit_of_count(const Plan& plan, const TrainOptions& options, std::int64_t count) {
     if (plan.size && double(count) > kLeastUse * double(plan.size->most_gaussians)) return "a larger --size-limit";
-    if (!options.frame_limit.empty()) return "a longer --frame-limit";
-    return options.time_limit.empty() ? "a training of more --iterations" : "a longer --time-limit";
+    if (options.frame_limit) return "a longer --frame-limit";
+    return !options.time_limit ? "a training of more --iterations" : "a longer --time-limit";
 }
 
 void plan_the_time(Plan& plan, const TrainOptions& options) {
-    const bool limited = !options.time_limit.empty();
+    const bool limited = options.time_limit.has_value();
     const std::int64_t iterations = limited ? wanted_steps(plan.num_views) : options.iterations;
     const std::optional<double> loss = loss_of_iterations(plan, options, iterations);
     if (loss) plan.estimate = "by estimate " + loss_words(*loss, options);
     const std::string cost = loss ? ", " + plan.estimate : "";
     if (limited) {
-        const double seconds = parse_duration(options.time_limit, "option time-limit");
+        const double seconds = options.time_limit->seconds;
         plan.lines.push_back(fmt::format(
             "time: {} from the first step to the saved model; at most {} Gaussians, as far as that leaves {} "
             "iterations{}",
             duration_text(seconds), options.cap_max, iterations, cost));
         plan.json["time"] = {{"limit_seconds", seconds}};
     } else {
-        plan.lines.push_back(fmt::format("time: no limit, {}{} iterations{}", options.target_psnr > 0 ? "at most " : "",
+        plan.lines.push_back(fmt::format("time: no limit, {}{} iterations{}", options.target_psnr ? "at most " : "",
                                          iterations, cost));
         plan.json["iterations"] = iterations;
     }
@@ -114,7 +113,7 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
                        about(loss), plan.full_count, plan.full_count_reason)
                  : "";
     plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {:.4g} bytes with {}{}",
-                                     options.size_limit, word(options.size_of), most, size.mean_bytes(),
+                                     options.size_limit->text(), word(options.size_of), most, size.mean_bytes(),
                                      options.appearance, cost));
     plan.json["estimated_loss"]["count"]["planned"] = loss;
     if (double(size.bytes(most)) < kLeastUse * double(size.limit))
@@ -167,7 +166,7 @@ std::int64_t SizePlan::bytes(std::int64_t count) const {
 }
 
 SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
-    SizePlan plan{.limit = std::int64_t(parse_bytes(options.size_limit))};
+    SizePlan plan{.limit = std::int64_t(options.size_limit->count)};
     const AppearanceSpec appearance = appearance_spec(options);
     switch (options.size_of) {
         case SizeOf::kWeb: {
@@ -189,7 +188,7 @@ SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
     if (plan.limit < plan.bytes(1))
         throw UsageError(
             fmt::format("option size-limit: {} is too small: the smallest {} file of {} takes {} bytes here",
-                        options.size_limit, word(options.size_of), options.appearance, plan.bytes(1)));
+                        options.size_limit->text(), word(options.size_of), options.appearance, plan.bytes(1)));
     const double most = double(plan.limit - plan.fixed) / plan.mean_bytes();
     plan.most_gaussians = (std::int64_t(most) / plan.unit + 1) * plan.unit;
     while (plan.most_gaussians > plan.unit && plan.bytes(plan.most_gaussians) > plan.limit)
@@ -199,25 +198,25 @@ SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
 
 Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out) {
     Plan plan;
-    if (options.time_limit.empty() && options.size_limit.empty() && options.frame_limit.empty() &&
-        options.target_psnr == 0 && options.preset == Preset::kNone)
+    if (!options.time_limit && !options.size_limit && !options.frame_limit &&
+        !options.target_psnr && options.preset == Preset::kNone)
         return plan;
     plan.json = nlohmann::ordered_json::object();
     plan.num_views = scene.train.size();
     note_full_count(plan, options, scene);
     plan_the_time(plan, options);
-    if (!options.size_limit.empty()) plan_the_size(plan, options, scene);
-    if (!options.frame_limit.empty()) {
-        const double seconds = parse_duration(options.frame_limit, "option frame-limit");
+    if (options.size_limit) plan_the_size(plan, options, scene);
+    if (options.frame_limit) {
+        const double seconds = options.frame_limit->seconds;
         plan.lines.push_back(fmt::format("frames: at most {:g} ms at 1280x720 on this device", 1e3 * seconds));
         plan.json["frame"] = {{"limit_seconds", seconds}};
     }
-    if (options.target_psnr > 0) {
+    if (options.target_psnr) {
         plan.lines.push_back(fmt::format(
             "quality: {:g} dB on {} held-out training views; longer trainings until that is reached, then fewer "
             "Gaussians until it would be lost",
-            options.target_psnr, held_out));
-        plan.json["target"] = {{"psnr", options.target_psnr}, {"held_out_views", held_out}};
+            *options.target_psnr, held_out));
+        plan.json["target"] = {{"psnr", *options.target_psnr}, {"held_out_views", held_out}};
     }
     const std::vector<std::string> kept = kept_from_recipe(options);
     plan.lines.push_back(fmt::format("recipe: {}{}", word(options.recipe),
@@ -234,12 +233,12 @@ std::string training_words(const Plan& plan, const TrainOptions& options) {
         words.push_back(fmt::format("at most {} Gaussians ({})", by_size ? plan.size->most_gaussians : options.cap_max,
                                     by_size ? "--size-limit" : "--cap-max"));
     }
-    if (!options.frame_limit.empty()) words.push_back(fmt::format("frames of at most {}", options.frame_limit));
-    if (options.target_psnr > 0) words.push_back(fmt::format("until {:g} dB are reached", options.target_psnr));
-    if (!options.time_limit.empty())
-        words.push_back(duration_text(parse_duration(options.time_limit, "option time-limit")));
+    if (options.frame_limit) words.push_back(fmt::format("frames of at most {}", options.frame_limit->text()));
+    if (options.target_psnr) words.push_back(fmt::format("until {:g} dB are reached", *options.target_psnr));
+    if (options.time_limit)
+        words.push_back(duration_text(options.time_limit->seconds));
     else
-        words.push_back(fmt::format("{}{} iterations", options.target_psnr > 0 ? "at most " : "", options.iterations));
+        words.push_back(fmt::format("{}{} iterations", options.target_psnr ? "at most " : "", options.iterations));
     if (!plan.estimate.empty()) words.push_back(plan.estimate);
     return fmt::format("{}", fmt::join(words, ", "));
 }
@@ -247,7 +246,7 @@ std::string training_words(const Plan& plan, const TrainOptions& options) {
 void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& summary) {
     if (plan.json.is_null()) return;
     if (summary.limited_seconds > 0) {
-        log_debug("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving", options.time_limit,
+        log_debug("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving", options.time_limit->text(),
                   summary.limited_seconds, summary.saving_seconds);
         plan.json["time"]["seconds"] = summary.limited_seconds;
         plan.json["time"]["saving_seconds"] = summary.saving_seconds;
@@ -257,13 +256,13 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
         size.share = std::min(size.share, summary.residual_share);
         const std::int64_t bytes = size.bytes(summary.num_gaussians);
         const double use = double(bytes) / double(plan.size->limit);
-        log_info("size limit {}: {} Gaussians make a file of {} ({:.0f} %)", options.size_limit, summary.num_gaussians,
+        log_info("size limit {}: {} Gaussians make a file of {} ({:.0f} %)", options.size_limit->text(), summary.num_gaussians,
                  megabytes(bytes), 100 * use);
         const bool small_enough = summary.target && summary.target->reached;  // on purpose
         if (!small_enough && summary.num_gaussians < std::min(plan.size->most_gaussians, options.cap_max) &&
             use < kLeastUse)
-            log_warning("size limit {}: only {:.0f} % of it is used{}", options.size_limit, 100 * use,
-                        options.time_limit.empty() ? ": in these --iterations the model did not grow further"
+            log_warning("size limit {}: only {:.0f} % of it is used{}", options.size_limit->text(), 100 * use,
+                        !options.time_limit ? ": in these --iterations the model did not grow further"
                                                    : ": the time limit does not afford more Gaussians");
         plan.json["size"]["bytes"] = bytes;
     }
@@ -277,10 +276,10 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
         json["verdict"] = summary.target->verdict;
         // What the mean over few views cannot tell about others.
         log_info("target {:g} dB: another choice of views may have a mean that differs by {:.2f} dB (standard error)",
-                 options.target_psnr, summary.target->standard_error);
+                 *options.target_psnr, summary.target->standard_error);
     }
     if (summary.frame_seconds > 0) {
-        log_info("frame limit {}: frames take {:.3g} ms", options.frame_limit, 1e3 * summary.frame_seconds);
+        log_info("frame limit {}: frames take {:.3g} ms", options.frame_limit->text(), 1e3 * summary.frame_seconds);
         plan.json["frame"]["seconds"] = summary.frame_seconds;
     }
     plan.json["num_gaussians"] = summary.num_gaussians;

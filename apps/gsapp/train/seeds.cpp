@@ -9,7 +9,7 @@
 #include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/core/log.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 
@@ -27,7 +27,7 @@ std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRu
         std::optional<TableRow> row;
         if (!options.overwrite) row = finished_run(options);
         if (row) {  // perhaps of a scene that has changed in its place
-            require_run_scene(options.model, options, load_scene(scene_options(options)));
+            require_run_scene(options.model, options, load_scene(options));
             log_info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
         } else {
             row = train(options);

@@ -19,7 +19,7 @@
 #include "kernels/base/clock.h"
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
-#include "lib/core/bytes.h"
+#include "lib/core/quantities.h"
 #include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"
@@ -34,7 +34,7 @@
 #include "lib/train/choose_backend.h"
 #include "lib/train/rank_training.h"
 #include "lib/train/residual_share.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 namespace {
@@ -61,7 +61,7 @@ void verify(const TrainOptions& options, Scene& scene, Progress& progress) {
         return;
     set_num_threads(options.threads);
     const double start = seconds_now();
-    verify_images(scene, parse_bytes(options.image_cache),
+    verify_images(scene, options.image_cache.count,
                   [&](std::int64_t done, std::int64_t total) { progress.count("images decoded", done, total); });
     progress.finish();
     log_debug("{} images decoded in {:.1f} s", images, seconds_now() - start);
@@ -214,16 +214,15 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     if (!options.model.empty()) require_free_folder(options);
     // Nothing is written before the scene is loaded: with a mistake in it, an earlier run that --overwrite would remove
     // stays as it is.
-    SceneOptions scene_choices = scene_options(options);
-    scene_choices.scores = options.eval;
-    if (!options.resume.empty()) scene_choices.frame = checkpoint_frame(options);
-    Scene scene = options.resume.empty() ? load_scene(scene_choices)
-                                         : load_run_scene(resumed_run(options), options, scene_choices);
+    LoadRules rules{.scores = options.eval};
+    if (!options.resume.empty()) rules.frame = checkpoint_frame(options);
+    Scene scene = options.resume.empty() ? load_scene(options, rules)
+                                         : load_run_scene(resumed_run(options), options, rules);
     std::string cameras = cameras_json(scene);
     Progress progress(progress_style(options.quiet, options.json));
     verify(options, scene, progress);
     std::optional<TargetViews> target;
-    if (options.target_psnr > 0) target.emplace(options, scene);
+    if (options.target_psnr) target.emplace(options, scene);
     if (options.model.empty()) options.model = free_run_folder("output", options);
     if (options.appearance == kAutoAppearance && !options.resume.empty())
         options.appearance = checkpoint_appearance(options);
@@ -266,7 +265,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     else if (options.eval)
         log_warning("--eval: there are no test views ({})", scene.split_rule);
     if (live) hooks = watched(std::move(hooks), *live);
-    if (team || options.batch > 1)
+    if (team || options.batch.value_or(1) > 1)
         hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions& backend) {
             return make_ranked_backend(team, options, scene, appearance, backend);
         };

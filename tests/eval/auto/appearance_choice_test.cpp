@@ -10,7 +10,7 @@
 #include "kernels/base/clock.h"
 #include "lib/core/options.h"
 #include "lib/train/rehearsal.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 namespace {
@@ -86,13 +86,13 @@ TrainOptions glossy(int width, std::int64_t iterations) {
     options.resolution = width;
     options.iterations = iterations;
     options.device = Device::kCpu;
-    validate(options);
+    options = resolve(options);
     return options;
 }
 
 /// Returns the scene with some of its points: images of 16 pixels need no more, and iterations are short.
 Scene coarse_scene(const TrainOptions& options) {
-    Scene scene = load_scene(scene_options(options));
+    Scene scene = load_scene(options);
     scene.points.positions.resize(300), scene.points.colors.resize(300);
     return scene;
 }
@@ -133,10 +133,10 @@ TEST(FindAppearance, DoesNotRankAfterAFewIterations) {
 
 TEST(FindAppearance, TakesATenthOfATimeLimit) {
     TrainOptions options = glossy(16, 30000);
-    options.time_limit = "0.5s";
+    options.time_limit = parse_duration("0.5s", "");
     const Scene scene = coarse_scene(options);
     EXPECT_EQ(find_appearance(options, scene).model, "sv") << "50 ms are too short";
-    options.time_limit = "20s";
+    options.time_limit = parse_duration("20s", "");
     const double start = seconds_now();
     find_appearance(options, scene);
     EXPECT_LT(seconds_now() - start, 2 + 3) << "with slack for machines that are busy";
@@ -180,8 +180,8 @@ TEST(Rehearsal, AStretchThatTakesTooLongHasNoResult) {
     options.resolution = 16;
     options.appearance = "none";
     options.device = Device::kCpu;
-    validate(options);
-    const Scene scene = load_scene(scene_options(options));
+    options = resolve(options);
+    const Scene scene = load_scene(options);
     Rehearsal rehearsal(options, scene);
     const Gaussians begun = rehearsal.begin(2).backend->download(false);
     EXPECT_FALSE(rehearsal.continue_with(begun, begun.appearance, 1000000000, 0.05));

@@ -28,7 +28,7 @@ TrainOptions some_options() {
     TrainOptions options;
     options.source = "generated";
     options.background = {.color = {0, 0, 1}};
-    validate(options);
+    options = resolve(options);
     return options;
 }
 

@@ -15,7 +15,7 @@
 #include "kernels/reference_image.h"
 #include "lib/core/options.h"
 #include "lib/scene/camera_params.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 #include "tests/kernels/backends.h"
 
 namespace gs::test {
@@ -185,7 +185,7 @@ TEST(Stability, WhatRoundingOfTheInputsExplainsIsNoError) {
 TrainOptions small_run() {
     TrainOptions o;
     o.source = "builtin:glossy", o.model = "unused", o.device = Device::kCpu, o.resolution = 60, o.eval = true;
-    validate(o);
+    o = resolve(o);
     return o;
 }
 
@@ -195,7 +195,7 @@ TEST(Precision, LevelsAreNamedOnceAndDiffer) {
     for (const PrecisionLevel& level : precision_levels()) {
         TrainOptions o = small_run();
         level.apply(o);
-        EXPECT_NO_THROW(validate(o)) << level.name;
+        EXPECT_NO_THROW(resolve(o)) << level.name;
         EXPECT_TRUE(names.insert(level.name).second) << level.name;
         EXPECT_TRUE(settings.insert(training_options(o)).second) << level.name;
     }
@@ -211,7 +211,7 @@ TEST(Precision, LevelsAreNamedOnceAndDiffer) {
 
 TEST(Precision, OnTheCpuIsThatOfItsCutoffs) {
     const TrainOptions options = small_run();
-    const Scene scene = load_scene(scene_options(options));
+    const Scene scene = load_scene(options);
     Gaussians model = initial_model(options, scene);
     for (float& x : model[Group::kOpacity].param) x = 0.5f;  // enough light is cut off that it shows
     const auto rows = measure_precision(options, scene, model, {.repeat = 2, .frame_repeat = 1});
@@ -233,7 +233,7 @@ TEST(Precision, OnTheCpuIsThatOfItsCutoffs) {
 
 TEST(Precision, TheReferenceRendersEveryMode) {
     const TrainOptions options = small_run();
-    const Scene scene = load_scene(scene_options(options));
+    const Scene scene = load_scene(options);
     const Gaussians model = initial_model(options, scene);
     const auto backend = make_cpu_backend(model.appearance);
     backend->upload(model);

@@ -59,7 +59,7 @@ class CellRunnerTest : public ::testing::Test {
         options.iterations = 20;
         options.eval = true;
         options.model = (tmp_.path() / name).string();
-        validate(options);
+        options = resolve(options);
         return {name, options};
     }
     std::size_t num_calls() const {

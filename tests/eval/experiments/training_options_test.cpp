@@ -48,7 +48,7 @@ std::string bytes(const fs::path& path) {
 
 /// Trains, and returns the model and its correction.
 std::string trained(TrainOptions options) {
-    validate(options);
+    options = resolve(options);
     train_run(options, 0);
     const RunFolder folder{options.model};
     const std::string cloud = bytes(folder.point_cloud(kIterations));
@@ -61,8 +61,9 @@ TEST(TrainingOptions, OfNoAccountChangeNoBitOfTheModel) {
     const std::string model = trained(tiny(tmp.path() / "first"));
     const std::map<std::string, std::function<void(TrainOptions&)>> changes = {
         {"model", [](TrainOptions&) {}},  // every run below has another
-        {"image-cache", [](TrainOptions& o) { o.image_cache = "1KiB"; }},
+        {"image-cache", [](TrainOptions& o) { o.image_cache = parse_bytes("1KiB", ""); }},
         {"verify-images", [](TrainOptions& o) { o.verify_images = VerifyImages::kOff; }},
+        {"threads", [](TrainOptions& o) { o.threads = 1; }},
         {"overwrite",
          [&](TrainOptions& o) {
              o.overwrite = true;
@@ -100,7 +101,7 @@ TEST(TrainingOptions, OfNoAccountChangeNoBitOfTheModel) {
         change->second(options);
         EXPECT_TRUE(trained(options) == model);
         options.overwrite = false;
-        validate(options);
+        options = resolve(options);
         EXPECT_TRUE(holds_same_run(options));
     }
 }
@@ -112,7 +113,7 @@ TEST(TrainingOptions, OfAllOthersTwoValuesAreTwoExperiments) {
     for (const Option& option : train_option_table()) {
         if (!texts.contains(option.key)) continue;
         std::vector<std::string> values = option.choices;
-        for (const char* value : {"0", "1", "2", "true", "false", "white"}) values.push_back(value);
+        for (const char* value : {"0", "1", "2", "true", "false", "white", "1s", "1MB"}) values.push_back(value);
         bool differs = false;
         for (const std::string& value : values) {
             TrainOptions changed = base;
@@ -152,7 +153,7 @@ TEST(TrainRun, ScoresWhatWasHeldOut) {
     const test::TemporaryFolder tmp;
     TrainOptions options = tiny(tmp);
     options.eval = true;
-    validate(options);
+    options = resolve(options);
     const std::optional<TableRow> row = train_run(options, 1);
     ASSERT_TRUE(row);
     EXPECT_EQ(row->iteration, 2);
@@ -168,7 +169,7 @@ TEST(TrainRun, ScoresWhatWasHeldOut) {
 TEST(TrainRun, HasNoRowWithoutEvaluation) {
     const test::TemporaryFolder tmp;
     TrainOptions options = tiny(tmp);
-    validate(options);
+    options = resolve(options);
     EXPECT_FALSE(train_run(options, 0));
     EXPECT_FALSE(std::filesystem::exists(std::filesystem::path(options.model) / "results.json"));
 }
@@ -178,7 +179,7 @@ TEST(TrainRun, TargetsAreMeasuredOnViewsThatAreNotTrainedOn) {
     TrainOptions options = tiny(tmp);
     options.eval = true, options.target_psnr = 5;
     options.iterations = 40, options.init_points = 200, options.cap_max = 300;
-    validate(options);
+    options = resolve(options);
     ASSERT_TRUE(train_run(options, 0));
     std::ifstream file(std::filesystem::path(options.model) / "results.json");
     const auto results = nlohmann::json::parse(file);
@@ -195,7 +196,7 @@ TEST(TrainRun, TargetsAreMeasuredOnViewsThatAreNotTrainedOn) {
 TEST(TrainRun, ARunIsResumedWithATargetOnlyIfItBeganWithOne) {
     const test::TemporaryFolder tmp;
     TrainOptions options = tiny(tmp);
-    validate(options);
+    options = resolve(options);
     train_run(options, 0);
     const auto config = [&] {
         std::ifstream file(RunFolder{options.model}.config());
@@ -203,7 +204,7 @@ TEST(TrainRun, ARunIsResumedWithATargetOnlyIfItBeganWithOne) {
     };
     const std::string before = config();
     options.resume = "latest", options.iterations = 4, options.target_psnr = 5;
-    validate(options);
+    options = resolve(options);
     EXPECT_THROW(train_run(options, 0), UsageError);
     EXPECT_EQ(config(), before) << "the run can go on without it";
 }
@@ -211,7 +212,7 @@ TEST(TrainRun, ARunIsResumedWithATargetOnlyIfItBeganWithOne) {
 TEST(TrainRun, ACheckpointWhoseOptionsAreBrokenIsRefused) {
     const test::TemporaryFolder tmp;
     TrainOptions options = tiny(tmp);
-    validate(options);
+    options = resolve(options);
     train_run(options, 0);
     const auto file = RunFolder{options.model}.checkpoint(2);
     const Checkpoint whole = read_checkpoint(file);
@@ -228,7 +229,7 @@ TEST(TrainRun, ATargetNeedsEnoughViews) {
     const test::TemporaryFolder tmp;
     TrainOptions options = tiny(tmp);
     options.target_psnr = 5;
-    validate(options);
+    options = resolve(options);
     Scene scene;
     EXPECT_THROW(TargetViews(options, scene), UsageError) << "no view";
 }

@@ -13,7 +13,7 @@
 #include "lib/export/ngsplat.h"
 #include "lib/export/site.h"
 #include "lib/model/run_folder.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/export/http_client.h"
 
@@ -35,7 +35,7 @@ class Watched : public ::testing::Test {
         o.init_points = 300, o.cap_max = 400;
         o.quiet = true;
         o.model = (folder_.path() / run).string();
-        validate(o);
+        o = resolve(o);
         return o;
     }
     static std::string bytes(const std::filesystem::path& file) {
@@ -44,7 +44,7 @@ class Watched : public ::testing::Test {
     }
     /// Trains under the eyes of `watch`, which gets the port and the token, in a thread of its own.
     template <class Watch> void train_watched(const TrainOptions& o, Watch watch) {
-        train_watched(o, load_scene(scene_options(o)), watch);
+        train_watched(o, load_scene(o), watch);
     }
     template <class Watch> void train_watched(const TrainOptions& o, const Scene& scene, Watch watch) {
         LiveTraining live(o, scene, 0);
@@ -96,7 +96,7 @@ class Watched : public ::testing::Test {
 TEST_F(Watched, IsTheSameAsUnwatchedToTheBit) {
     const TrainOptions alone = options("alone", 300), seen = options("seen", 300);
     Progress progress(ProgressStyle::kSilent);
-    train(alone, load_scene(scene_options(alone)), open_run(alone), progress, {});
+    train(alone, load_scene(alone), open_run(alone), progress, {});
     int snapshots = 0;
     train_watched(seen, [&](int port, const std::string& token) {
         press(port, "save", token);
@@ -122,7 +122,7 @@ TEST_F(Watched, IsTheSameAsUnwatchedToTheBit) {
 
 TEST_F(Watched, TrainsOnWhereNothingCanBeShown) {
     const TrainOptions o = options("blind", 200);
-    Scene scene = load_scene(scene_options(o));
+    Scene scene = load_scene(o);
     for (View& view : scene.test) {
         view.decoded = nullptr;
         view.load = []() -> ViewImage { throw DataError("photograph gone"); };
@@ -137,7 +137,7 @@ TEST_F(Watched, TrainsOnWhereNothingCanBeShown) {
 
 TEST_F(Watched, SaysWhyItFailed) {
     const TrainOptions o = options("failed", 1'000'000);
-    Scene scene = load_scene(scene_options(o));
+    Scene scene = load_scene(o);
     std::atomic<int> loads = 0;
     for (View& view : scene.train) {
         view.decoded = nullptr;

@@ -14,7 +14,7 @@
 #include "lib/export/packed_model.h"
 #include "lib/export/site.h"
 #include "lib/scene/camera_params.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 #include "tests/eval/support/tiny_run.h"
 #include "tests/kernels/backends.h"
 
@@ -47,7 +47,7 @@ nlohmann::json site_json(const std::filesystem::path& file) { return parse_json(
 /// Returns the mean PSNR of the test views from a file alone: decoded, drawn, rounded to 8 bits and compared here.
 double psnr_of_file(const std::filesystem::path& file, const TrainOptions& options) {
     const PackedScene scene = read_ngsplat(file);
-    const Scene views = load_scene(scene_options(options));
+    const Scene views = load_scene(options);
     Gaussians model = packed_geometry(scene);
     const auto backend = make_cpu_backend(model.appearance);
     double mean = 0;

@@ -18,7 +18,7 @@
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
-#include "lib/train/scene_options.h"
+#include "lib/scene/scene.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/tiny_run.h"
 #include "tests/kernels/backends.h"
@@ -41,7 +41,7 @@ struct RunOnDisk {
         options.eval = true;
         options.appearance = "none";
         options.background = {.color = {0, 0, 1}};
-        validate(options);
+        options = resolve(options);
         folder.write("config.yaml", options_to_yaml(options));
     }
     RunFolder names() const { return {folder.path()}; }
@@ -158,12 +158,12 @@ struct TrainedScene {
         options.source = (folder / "scene").string();
         options.model = (folder / "run").string();
         options.eval = true;
-        scene = load_scene(scene_options(options));
+        scene = load_scene(options);
         write_text_atomic(folder / "run/config.yaml", run_config(options));
         write_cameras_json(folder / "run/cameras.json", scene);
     }
     std::string difference(const TrainOptions& now) const {
-        return difference_to_scene(options.model, now, load_scene(scene_options(now)));
+        return difference_to_scene(options.model, now, load_scene(now));
     }
     /// Returns what is said of the scene after a change.
     std::string after(const std::function<void(Scene&)>& change) const {
@@ -176,9 +176,8 @@ struct TrainedScene {
 TEST(RunScene, IsTheSameInAnotherFrameAndOfAnotherSize) {
     const TrainedScene trained;
     EXPECT_EQ(trained.difference(trained.options), "");
-    SceneOptions choices = scene_options(trained.options);
-    choices.frame = Frame{{-512000, 3, 4}, 0.25};
-    EXPECT_EQ(difference_to_scene(trained.options.model, trained.options, load_scene(choices)), "");
+    const Scene moved = load_scene(trained.options, {.frame = Frame{{-512000, 3, 4}, 0.25}});
+    EXPECT_EQ(difference_to_scene(trained.options.model, trained.options, moved), "");
     TrainOptions other = trained.options;
     other.resolution = 2;
     EXPECT_EQ(trained.difference(other), "") << "the size is an option of the call";

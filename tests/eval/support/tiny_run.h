@@ -47,7 +47,7 @@ struct TinyRun {
         options.appearance = model.appearance.model;
         if (model.appearance.model == "sh") options.model_options["sh-degree"] = model.appearance.max_degree;
         options.background = {.color = {0, 0, 1}};
-        validate(options);
+        options = resolve(options);
         write_ply(names().point_cloud(100), model, {.iteration = 100});
         folder.write("run/config.yaml", options_to_yaml(options));
     }

@@ -37,7 +37,7 @@ class GpuTraining : public ::testing::TestWithParam<Strategy> {
         o.strategy = GetParam();
         o.init_points = 8000, o.cap_max = 12000;
         o.densify_from_iter = 100, o.densify_until_iter = 550, o.densification_interval = 100;
-        validate(o);
+        o = resolve(o);
         Result result;
         TrainHooks hooks;
         hooks.evaluate = [&](std::int64_t iteration, Backend& backend, bool) {

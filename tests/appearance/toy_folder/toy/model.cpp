@@ -22,7 +22,7 @@ const ModelInfo& toy_info() {
         m.default_max_degree = m.max_degree_limit = 1;
         m.residual_width = [](int degree) { return 9 * degree; };
         m.rates = [](int, const RateContext& context) {
-            return AppearanceRates{Schedule::constant(0.0007), {Schedule::constant(context.options.at("toy-lr"))}};
+            return AppearanceRates{Schedule::constant(0.0007), {Schedule::constant(*context.options.at("toy-lr"))}};
         };
         m.init_residual = [](int degree, float* row) { std::fill_n(row, 9 * degree, 0.0f); };
         m.residual = &model_residual<Toy, double>;
