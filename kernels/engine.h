@@ -127,7 +127,7 @@ class StepEngine {
     /// Waits for the oldest judgement that was not read yet, and returns the reports that it was made on. `ids` are the
     /// targets' of its views, of which rank k modulo the number of ranks has rendered the k-th. Where that is `rank`,
     /// this engine, it has room for the view's instances then.
-    virtual std::vector<ViewReport> read_reports(const std::vector<std::int64_t>& ids, int rank) = 0;
+    virtual std::vector<ViewReport> read_reports(const std::vector<ImageId>& ids, int rank) = 0;
     /// Takes back the counts of the steps from the oldest on that has to be repeated, on `num_views` views together.
     virtual void take_back(std::int64_t num_views) = 0;
 

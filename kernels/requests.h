@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -17,6 +18,19 @@
 
 namespace gs {
 
+/// Names the image of a training view in one of its sizes.
+struct ImageId {
+    std::int32_t view = -1;   ///< index among the training views; -1: unknown, for an image that is used once
+    std::int32_t factor = 1;  ///< by which the image is reduced
+
+    bool is_known() const { return view >= 0; }
+    auto operator<=>(const ImageId&) const = default;
+};
+
+struct ImageIdHash {
+    std::size_t operator()(const ImageId& id) const { return (std::size_t(id.factor) << 32) + std::size_t(id.view); }
+};
+
 /// The photograph that a step compares its render with. The pointers must stay valid until the call returns.
 struct TargetImage {
     int width = 0, height = 0;
@@ -24,7 +38,7 @@ struct TargetImage {
     const std::uint8_t* u8 = nullptr;    ///< (H,W,channels), value/255; exactly one of u8 and f32 is set
     const float* f32 = nullptr;          ///< (H,W,channels), alpha in [0,1]
     const std::uint8_t* mask = nullptr;  ///< (H,W) loss weight/255, or null for weight 1
-    std::int64_t id = -1;                ///< equal ids mean equal pixels: a device may keep its copy; -1 = unknown
+    ImageId id;                          ///< equal known ids mean equal pixels: a device may keep its copy
 };
 
 /// The colour that is composited (docs/math/appearance.md#render-modes).
@@ -63,32 +77,48 @@ struct RenderedImage {
     std::vector<float> alpha;  ///< (H,W), 1 - final transmittance
 };
 
+/// The weights of the terms of the loss (docs/math/optimization.md).
+struct LossWeights {
+    float lambda_dssim = 0.2f;  ///< of 1 - SSIM; the L1 difference has one minus it
+    float opacity_reg = 0.01f;  ///< of mean(opacity)
+    float scale_reg = 0.01f;    ///< of mean(exp(raw_scale))
+};
+
+/// The learning rates of a step.
+struct StepRates {
+    double groups[kNumGroups] = {};
+    std::vector<double> residuals;  ///< per residual column, where the model has several; else empty
+    double shared = 0;              ///< of the shared weights
+    /// Of PPISP's parameters in `step`, of the controller's weights in `distill`. 0 leaves them unchanged.
+    double isp = 0;
+    float noise = 0;  ///< SGLD factor 5e5*lr_means; 0 = no noise
+    /// A mean farther than `extent` from `center`, both in frame units, has a rate that is higher by the power `far` of
+    /// its distance over the extent.
+    Vec3<float> center{0, 0, 0};
+    float extent = 1, far = 0;
+
+    /// Multiplies all rates and the noise.
+    void scale(double factor) {
+        for (double& rate : groups) rate *= factor;
+        for (double& rate : residuals) rate *= factor;
+        shared *= factor, isp *= factor, noise *= float(factor);
+    }
+};
+
 /// One optimizer step on one view.
 struct StepRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
     TargetImage target;
     std::shared_ptr<const void> pixels;  ///< keeps the memory of the target; null: that is lent until the call returns
+    IspView isp = {};                    ///< kFrame or kNone for `step`, kController for `distill`
     std::int64_t iteration = 0;          ///< 0-based
-    float lambda_dssim = 0.2f;
-    float opacity_reg = 0.01f;  ///< weight of mean(opacity)
-    float scale_reg = 0.01f;    ///< weight of mean(exp(raw_scale))
-    float noise = 0;            ///< SGLD factor 5e5*lr_means; 0 = no noise
     std::uint64_t seed = 0;
+    LossWeights loss;
+    StepRates rates;
     /// Whether to add up the norm of the 2-D mean gradient for ADC, for Gaussians that touch a tile.
     bool gather_gradient_stats = false;
-    bool only_visible = false;           ///< whether Gaussians that touch no tile wait (GaussianState::last_step)
-    double rates[kNumGroups] = {};       ///< learning rate of this step per group
-    std::vector<double> residual_rates;  ///< learning rate per residual column, where the model has several; else empty
-    double shared_rate = 0;              ///< learning rate of the shared weights
-    /// A mean farther than `extent` from `center`, both in frame units, has a rate that is higher by the power
-    /// `far_rate` of its distance over the extent.
-    Vec3<float> center{0, 0, 0};
-    float extent = 1, far_rate = 0;
-    IspView isp = {};  ///< kFrame or kNone for `step`, kController for `distill`
-    /// The learning rate of PPISP's parameters for `step`, of the controller's weights for `distill`. 0 leaves them
-    /// unchanged.
-    double isp_rate = 0;
+    bool only_visible = false;  ///< whether Gaussians that touch no tile wait (GaussianState::last_step)
 };
 
 /// Returns the step on training view `view`. What it points to stays valid until the next call.

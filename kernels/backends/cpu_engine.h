@@ -75,7 +75,7 @@ template <class Model> class CpuEngine : public Engine {
 
     void step(const StepRequest& r) override {
         keep_last_steps(r);
-        const bool corrected = is_corrected(state_.ppisp, r.isp), corrects = corrected && r.isp_rate > 0;
+        const bool corrected = is_corrected(state_.ppisp, r.isp), corrects = corrected && r.rates.isp > 0;
         const LossValues loss = view_loss(r, corrected);
         ++state_.step;  // skipped steps count too, because a device learns of those too late to leave them out
         if (corrects) ++state_.ppisp.step;
@@ -84,7 +84,7 @@ template <class Model> class CpuEngine : public Engine {
         update(r, ParameterView<float>::of(state_));
         if (corrects) {
             const StageTimer timer(correction_seconds_);
-            if (!correction_.step_parameters(state_.ppisp, r.isp_rate)) leave_out_common(1);
+            if (!correction_.step_parameters(state_.ppisp, r.rates.isp)) leave_out_common(1);
         }
         count_work(r);
     }
@@ -92,11 +92,11 @@ template <class Model> class CpuEngine : public Engine {
     void distill(const StepRequest& r, const SplatParts* splats) override {
         check_distillation(state_.ppisp, r.isp);
         const LossValues loss = view_loss(r, true, splats);
-        if (r.isp_rate > 0) ++state_.ppisp.controller_step;
-        if (!note_loss(loss) || r.isp_rate <= 0) return;
+        if (r.rates.isp > 0) ++state_.ppisp.controller_step;
+        if (!note_loss(loss) || r.rates.isp <= 0) return;
         const StageTimer timer(correction_seconds_);
         correction_.backward(image_.data(), dL_dimage_.data());
-        if (!correction_.step_controller(state_.ppisp, image_.data(), r.isp_rate)) leave_out_common(1);
+        if (!correction_.step_controller(state_.ppisp, image_.data(), r.rates.isp)) leave_out_common(1);
     }
 
     StepStats take_stats() override {
@@ -170,14 +170,14 @@ template <class Model> class CpuEngine : public Engine {
         if (std::isfinite(loss.loss)) {
             backward(corrected);
             write_sums(splats, sums, [&](std::int64_t i, SplatSums<float>& out) { out = raster_.sums(i); });
-            if (corrected && r.isp_rate > 0) correction_.add_gradient(state_.ppisp, isp_gradient);
+            if (corrected && r.rates.isp > 0) correction_.add_gradient(state_.ppisp, isp_gradient);
         } else {
             write_sums(splats, sums, [](std::int64_t, SplatSums<float>& out) { out = {}; });
         }
         count_work(r);
         report->loss = {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
     }
-    std::vector<ViewReport> read_reports(const std::vector<std::int64_t>&, int) override {
+    std::vector<ViewReport> read_reports(const std::vector<ImageId>&, int) override {
         const std::vector<ViewReport> oldest = std::move(unread_reports_.front());
         unread_reports_.pop_front();
         return oldest;
@@ -367,7 +367,7 @@ template <class Model> class CpuEngine : public Engine {
     LossValues view_loss(const StepRequest& r, bool corrected, const SplatParts* splats = nullptr) {
         view_image(r, corrected, splats);
         const StageTimer timer(loss_seconds_);
-        return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.lambda_dssim,
+        return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.loss.lambda_dssim,
                              dL_dimage_.data());
     }
 

@@ -500,7 +500,7 @@ std::optional<double> CudaEngine::time_frames(const std::vector<RenderRequest>& 
 
 void CudaEngine::step(const StepRequest& r) {
     while (in_flight_.size() >= kInFlight) finish_oldest();
-    const bool lazily = r.residual_rates.empty() && !r.only_visible;
+    const bool lazily = r.rates.residuals.empty() && !r.only_visible;
     const bool changes = lazily != lazily_ || r.only_visible != model_.has_last_step;
     if (changes || lazy_.due(meta_.step + 1)) {  // only once no step in flight has to be repeated
         settle();
@@ -512,8 +512,8 @@ void CudaEngine::step(const StepRequest& r) {
     s.request = r;
     s.adam_step = ++meta_.step;
     half_residuals_current_ = false;
-    s.lazy = lazy_.begin_step(s.adam_step, lazily, r.rates[int(Group::kResidual)]);
-    if (ppisp_.corrects(r.isp) && r.isp_rate > 0) s.isp_step = ppisp_.begin_step();
+    s.lazy = lazy_.begin_step(s.adam_step, lazily, r.rates.groups[int(Group::kResidual)]);
+    if (ppisp_.corrects(r.isp) && r.rates.isp > 0) s.isp_step = ppisp_.begin_step();
     launch(std::move(s), r.target);
     if (!times_.pass) return;
     synchronize();
@@ -527,7 +527,7 @@ void CudaEngine::distill(const StepRequest& r, const SplatParts* splats) {
     if (in_flight_.empty() || in_flight_.back().adam_step) settle();  // residuals must have taken all steps
     Step s;
     s.request = r;
-    if (r.isp_rate > 0) s.controller_step = ppisp_.begin_controller_step();
+    if (r.rates.isp > 0) s.controller_step = ppisp_.begin_controller_step();
     launch(std::move(s), r.target);
 }
 
@@ -561,9 +561,9 @@ void CudaEngine::enqueue_kernels(const Step& s, const ModelArrays& arrays) {
     PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
     const CudaBins bins = enqueue_forward(args, r.background, true, forecast_.most(s.view));
     enqueue_loss(r, s.target);
-    if (s.isp_step) ppisp_.step_parameters(r.isp_rate, s.isp_step, control, stream_);
+    if (s.isp_step) ppisp_.step_parameters(r.rates.isp, s.isp_step, control, stream_);
     times_.end(CudaStage::kCorrectBackward, stream_);
-    if (s.controller_step) ppisp_.step_controller(image_, r.isp_rate, s.controller_step, control, stream_);
+    if (s.controller_step) ppisp_.step_controller(image_, r.rates.isp, s.controller_step, control, stream_);
     if (s.adam_step) enqueue_gaussians(s, args, bins, arrays);
     report_to(s.slot, loss_.sums());
 }
@@ -573,7 +573,7 @@ void CudaEngine::enqueue_loss(const StepRequest& r, const DeviceTarget& target) 
     if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
     times_.end(CudaStage::kCorrect, stream_);
     loss_.compute(
-        {corrected ? ppisp_.corrected() : image_, target.image, r.background, r.lambda_dssim, target.weight_sum},
+        {corrected ? ppisp_.corrected() : image_, target.image, r.background, r.loss.lambda_dssim, target.weight_sum},
         dL_dimage_, control_.get(), stream_);
     times_.end(CudaStage::kLoss, stream_);
     if (corrected) ppisp_.backward(image_, dL_dimage_, stream_);
@@ -649,7 +649,7 @@ void CudaEngine::finish_oldest() {
         return;
     }
     adapt_room(std::int64_t(status.num_instances));
-    note_loss(status, s.request.lambda_dssim, s.target.weight_sum);
+    note_loss(status, s.request.loss.lambda_dssim, s.target.weight_sum);
     stats_.num_nonfinite_gradients += status.num_nonfinite;
     if (times_.pass)
         times_.count(double(model_.count), status.num_visible,

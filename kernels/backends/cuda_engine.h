@@ -80,7 +80,7 @@ class CudaEngine final : public Engine {
                      DeviceArray<float>& shared_gradient) override;
     void update_shared_weights(const std::vector<StepRequest>& views,
                                const DeviceArray<float>& shared_gradients) override;
-    std::vector<ViewReport> read_reports(const std::vector<std::int64_t>& ids, int rank) override;
+    std::vector<ViewReport> read_reports(const std::vector<ImageId>& ids, int rank) override;
     void take_back(std::int64_t num_views) override;
 
   private:
@@ -91,7 +91,7 @@ class CudaEngine final : public Engine {
     struct Step {
         StepRequest request;  ///< its target holds no pointers; `target` does
         DeviceTarget target;
-        std::int64_t view = -1;            ///< id of the target
+        ImageId view;                      ///< id of the target
         std::int64_t adam_step = 0;        ///< Adam's step of the Gaussians; 0: they do not change
         std::int64_t isp_step = 0;         ///< step of PPISP's parameters; 0: they do not change
         std::int64_t controller_step = 0;  ///< step of a controller; 0: it does not change
@@ -237,11 +237,11 @@ class CudaEngine final : public Engine {
         SplatSums<float>* sums = nullptr;
         std::int64_t placed = 0;  ///< of the view that is rendered next, as in Sizes
         std::size_t splats_from = 0, sums_from = 0, sums_end = 0;
-        DeviceBuffer<StepView> views;
+        DeviceBuffer<SplatsOfView> views;
         DeviceBuffer<SplatsOfRank> parts;  ///< of a view whose splats are put in order
         /// The last steps', since they must stay while they are copied. What was enqueued before a judgement that was
         /// read is done, and that is one of the last two.
-        std::vector<StepView> host_views[kInFlight];
+        std::vector<SplatsOfView> host_views[kInFlight];
         int next_views = 0;
         DeviceBuffer<unsigned> left_out;  ///< since take_stats(): Gaussians' gradients, shared weights'
         std::int64_t num_gaussians = 0;   ///< of all ranks, in the last step

@@ -162,14 +162,14 @@ void CudaEngine::loss_of_splats(const StepRequest& r, const SplatParts& splats, 
         const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
         enqueue_loss(r, target);
         enqueue_sums_of_splats(r, splats, bins);
-        report_view<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss_.sums(), r.lambda_dssim, target.weight_sum,
+        report_view<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss_.sums(), r.loss.lambda_dssim, target.weight_sum,
                                                         report);
         GS_CUDA_LAUNCHED("report_view");
     });
     wire_.placed = 0, wire_.splats_from = wire_.sums_from = 0;
     GS_CUDA(cudaEventRecord(done_[slot], stream_));
     // Sums may lie where the gradient of PPISP does.
-    if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
+    if (ppisp_.corrects(r.isp) && r.rates.isp > 0) ppisp_.add_gradient(isp_gradient, stream_);
     for (std::size_t part = 0; part < splats.size(); ++part) sums[part]->resize(splats[part]->size());
     pack_sums_of_splats(sums);
 }
@@ -198,7 +198,7 @@ std::vector<ViewReport> CudaEngine::read_judgement() {
     return reports;
 }
 
-std::vector<ViewReport> CudaEngine::read_reports(const std::vector<std::int64_t>& ids, int rank) {
+std::vector<ViewReport> CudaEngine::read_reports(const std::vector<ImageId>& ids, int rank) {
     const std::vector<ViewReport> reports = read_judgement();
     const std::size_t num_ranks = reports.size() / std::max<std::size_t>(ids.size(), 1);
     for (const bool lacks : {false, true})  // what is made room for last stays
@@ -248,10 +248,10 @@ void CudaEngine::distill_splats(const SplatParts& splats, const StepRequest& r) 
     forward_whole(splats, view_of(r), true);
     const DeviceTarget target = images_.get(r.target, 0, stream_);
     enqueue_loss(r, target);
-    if (r.isp_rate > 0)
-        ppisp_.step_controller(image_, r.isp_rate, ppisp_.begin_controller_step(), control_.get(), stream_);
+    if (r.rates.isp > 0)
+        ppisp_.step_controller(image_, r.rates.isp, ppisp_.begin_controller_step(), control_.get(), stream_);
     const StepStatus status = read_status(loss_.sums());
-    note_loss(status, r.lambda_dssim, target.weight_sum);
+    note_loss(status, r.loss.lambda_dssim, target.weight_sum);
     stats_.num_nonfinite_gradients += status.num_nonfinite;
 }
 
@@ -321,13 +321,13 @@ void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::
     if (n == 0) return;
     // It ends before the sums that lie in the scratch block (room_for_splats).
     if (num_shared > 0) lay_out({.layout = Layout::kSharedSums, .n = n});
-    std::vector<StepView>& step_views = wire_.host_views[wire_.next_views];
+    std::vector<SplatsOfView>& step_views = wire_.host_views[wire_.next_views];
     wire_.next_views = (wire_.next_views + 1) % kInFlight;
     step_views.clear();
     for (std::size_t v = 0; v < views.size(); ++v)
         step_views.push_back({views[v].camera, projected[v].places.data(), sums[v].data()});
-    StepView* on_device = wire_.views.reserve(step_views.size());
-    device_stream_.copy(on_device, step_views.data(), step_views.size() * sizeof(StepView));
+    SplatsOfView* on_device = wire_.views.reserve(step_views.size());
+    device_stream_.copy(on_device, step_views.data(), step_views.size() * sizeof(SplatsOfView));
     PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
     args.shared = {model_.shared_prepared.get(), shared_sums_};
     kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0]),

@@ -476,7 +476,7 @@ template <class Model> constexpr int views_blocks_at_once() { return kNumSharedO
 /// all views together.
 template <class Model>
 __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Model>())
-    step_on_views(PreprocessArgs a, const StepView* __restrict__ views, int num_views, ModelArrays arrays,
+    step_on_views(PreprocessArgs a, const SplatsOfView* __restrict__ views, int num_views, ModelArrays arrays,
                   UpdateArgs update, std::uint32_t step, const Verdict* __restrict__ verdict,
                   unsigned* __restrict__ num_nonfinite) {
     constexpr int kBlock = views_block<Model>(), kWidth = RowMemory<Model>::kWidth, kShared = kNumSharedOf<Model>;
@@ -511,7 +511,7 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
     }
     GaussianGradient<float> mean{};
     for (int v = 0; v < views_of_warp; ++v) {
-        const StepView& view = views[v];
+        const SplatsOfView& view = views[v];
         const SplatPlaces places = view.places[group];
         const bool visible = places.shows(lane), shown = owns && visible;
         const std::uint32_t place = visible ? places.place(lane) : 0;
@@ -616,7 +616,7 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
 }
 
 template <class Model>
-void launch_step_on_views(const PreprocessArgs& args, const StepView* views, int num_views, const ModelArrays& arrays,
+void launch_step_on_views(const PreprocessArgs& args, const SplatsOfView* views, int num_views, const ModelArrays& arrays,
                           const UpdateArgs& update, std::uint32_t step, const Verdict* verdict, unsigned* num_nonfinite,
                           cudaStream_t stream) {
     constexpr int kBlock = views_block<Model>();

@@ -46,7 +46,7 @@ CudaImages::Loan::Loan(CudaImages& images, std::int64_t bytes) : images_(images)
 }
 
 DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t stream) {
-    if (const auto at = kept_.find(t.id); t.id >= 0 && at != kept_.end()) return at->second->target;
+    if (const auto at = kept_.find(t.id); t.id.is_known() && at != kept_.end()) return at->second->target;
     const std::size_t pixels = std::size_t(t.width) * t.height, values = pixels * t.channels;
     const std::size_t color_bytes = values * (t.u8 ? 1 : 4), mask_at = (color_bytes + 255) / 256 * 256,
                       bytes = t.mask ? mask_at + pixels : color_bytes;
@@ -61,7 +61,7 @@ DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t
     }
     unsigned char* device = nullptr;
     std::unique_ptr<Kept> kept;
-    if (t.id >= 0 && kept_bytes_ + std::int64_t(bytes) <= budget_now_) {
+    if (t.id.is_known() && kept_bytes_ + std::int64_t(bytes) <= budget_now_) {
         kept = std::make_unique<Kept>();
         try {
             device = kept->memory.reserve(bytes);

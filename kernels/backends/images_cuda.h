@@ -75,7 +75,7 @@ class CudaImages {
     std::int64_t budget_now_ = budget_;
     std::int64_t kept_bytes_ = 0;
     std::vector<std::unique_ptr<Slot>> slots_;
-    std::unordered_map<std::int64_t, std::unique_ptr<Kept>> kept_;
+    std::unordered_map<ImageId, std::unique_ptr<Kept>, ImageIdHash> kept_;
     cudaStream_t stream_ = nullptr;
 };
 

@@ -8,6 +8,8 @@
 #include <optional>
 #include <unordered_map>
 
+#include "kernels/requests.h"
+
 namespace gs {
 
 /// Follows a number that varies from step to step, such as the instances of views in random order.
@@ -37,14 +39,14 @@ class RecentMost {
 class InstanceForecast {
   public:
     /// Returns a number that the view's instances hardly exceed, or the largest if the view is unknown.
-    std::int64_t most(std::int64_t view) const {
+    std::int64_t most(ImageId view) const {
         const auto found = factors_.find(view);
         if (found == factors_.end()) return std::numeric_limits<std::int64_t>::max();
         return std::int64_t(std::min(kMargin * found->second * level_, kMost)) + kLeast;
     }
-    /// Takes what a view had. Views below 0 are unknown ones.
-    void note(std::int64_t view, std::int64_t num_instances) {
-        if (view < 0) return;
+    /// Takes what a view had, if it is a known one.
+    void note(ImageId view, std::int64_t num_instances) {
+        if (!view.is_known()) return;
         const double n = double(std::max(num_instances, kLeast));
         if (level_ == 0) level_ = n;
         const auto [found, is_new] = factors_.try_emplace(view, n / level_);
@@ -58,7 +60,7 @@ class InstanceForecast {
     static constexpr double kMargin = 1.25, kFollow = 0.2, kMost = 1e12;
     static constexpr std::int64_t kLeast = 1 << 14;  ///< what is not worth counting
     double level_ = 0;
-    std::unordered_map<std::int64_t, double> factors_;
+    std::unordered_map<ImageId, double, ImageIdHash> factors_;
 };
 
 }  // namespace gs

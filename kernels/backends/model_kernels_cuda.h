@@ -44,7 +44,7 @@ struct PreprocessArgs {
 };
 
 /// A view of a step on several, whose sums may come from another rank. The pointers are on the device.
-struct StepView {
+struct SplatsOfView {
     CameraParams<float> camera;
     const SplatPlaces* places;  ///< (n / 32, rounded up) of the Gaussians in `sums`
     const SplatSums<float>* sums;
@@ -63,7 +63,7 @@ struct ModelKernels {
     /// Takes step `step` on the mean gradient of several views, and adds each view to the statistic of ADC. Does
     /// nothing unless *verdict is to take it. Writes the sums of the shared weights' gradients of all views together.
     /// Adds the Gaussians with a gradient that is left out to *num_nonfinite.
-    void (*step_on_views)(const PreprocessArgs&, const StepView* views, int num_views, const ModelArrays&,
+    void (*step_on_views)(const PreprocessArgs&, const SplatsOfView* views, int num_views, const ModelArrays&,
                           const UpdateArgs&, std::uint32_t step, const Verdict* verdict, unsigned* num_nonfinite,
                           cudaStream_t);
     struct Shared {

@@ -204,18 +204,18 @@ GS_HD float sum_of_rows(const float* rows, int num_rows, int width, int k) {
 /// Returns the arguments of Adam's step `t` for a request, of which `views` are taken in one step.
 inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians, int views = 1) {
     UpdateArgs u{};
-    for (int g = 0; g < kNumGroups; ++g) u.steps[g] = AdamStep<float>::at(r.rates[g], t);
-    u.opacity_gradient = r.opacity_reg / float(num_gaussians);
-    u.scale_gradient = r.scale_reg / (3 * float(num_gaussians));
-    u.center = r.center, u.extent = r.extent, u.far_rate = r.far_rate;
-    u.shared_step = AdamStep<float>::at(r.shared_rate, t, kAdamBeta2Shared);
+    for (int g = 0; g < kNumGroups; ++g) u.steps[g] = AdamStep<float>::at(r.rates.groups[g], t);
+    u.opacity_gradient = r.loss.opacity_reg / float(num_gaussians);
+    u.scale_gradient = r.loss.scale_reg / (3 * float(num_gaussians));
+    u.center = r.rates.center, u.extent = r.rates.extent, u.far_rate = r.rates.far;
+    u.shared_step = AdamStep<float>::at(r.rates.shared, t, kAdamBeta2Shared);
     u.gains = AdamGains<float>::of(views), u.shared_gains = AdamGains<float>::of(views, kAdamBeta2Shared);
-    u.noise = r.noise, u.seed = r.seed, u.iteration = std::uint64_t(r.iteration);
+    u.noise = r.rates.noise, u.seed = r.seed, u.iteration = std::uint64_t(r.iteration);
     u.width = r.camera.width, u.height = r.camera.height;
     u.step = float(t), u.views = float(views);
-    u.per_column = !r.residual_rates.empty();
-    for (std::size_t c = 0; c < r.residual_rates.size(); ++c)
-        u.residual_steps[c] = AdamStep<float>::at(r.residual_rates[c], t);
+    u.per_column = !r.rates.residuals.empty();
+    for (std::size_t c = 0; c < r.rates.residuals.size(); ++c)
+        u.residual_steps[c] = AdamStep<float>::at(r.rates.residuals[c], t);
     return u;
 }
 

@@ -34,10 +34,9 @@ template <class IsMeant> void send(Communicator& ranks, const MessageWriter& mes
 template <class Request, class Field> void visit_step(Request& r, Field&& field) {
     field(r.camera), field(r.background);
     field(r.target.width), field(r.target.height), field(r.target.channels), field(r.target.id);
-    field(r.iteration), field(r.lambda_dssim), field(r.opacity_reg), field(r.scale_reg), field(r.noise), field(r.seed);
-    field(r.gather_gradient_stats), field(r.only_visible), field(r.rates), field(r.residual_rates),
-        field(r.shared_rate);
-    field(r.center), field(r.extent), field(r.far_rate), field(r.isp), field(r.isp_rate);
+    field(r.isp), field(r.iteration), field(r.seed), field(r.loss), field(r.gather_gradient_stats);
+    field(r.only_visible), field(r.rates.groups), field(r.rates.residuals), field(r.rates.shared), field(r.rates.isp);
+    field(r.rates.noise), field(r.rates.center), field(r.rates.extent), field(r.rates.far);
 }
 
 template <class State, class Field> void visit_ppisp(State& s, Field&& field) {

@@ -397,7 +397,7 @@ void Shard::complete_step() {
 }
 
 void Shard::read_judgement() {
-    std::vector<std::int64_t> ids;
+    std::vector<ImageId> ids;
     for (const StepRequest& view : unread_.front()) ids.push_back(view.target.id);
     const std::vector<ViewReport> reports = on_received([&] { return engine_.read_reports(ids, ranks_.rank()); });
     // A device goes on when another rank is lost, with whatever is in its arrays.
@@ -463,7 +463,7 @@ void Shard::finish_steps() {
 
 bool Shard::corrects(const std::vector<StepRequest>& views) const {
     return isp_size_ > 0 &&
-           std::any_of(views.begin(), views.end(), [](const StepRequest& r) { return r.isp_rate > 0; });
+           std::any_of(views.begin(), views.end(), [](const StepRequest& r) { return r.rates.isp > 0; });
 }
 
 void Shard::begin_shared() {
@@ -479,10 +479,10 @@ void Shard::begin_shared() {
 
 void Shard::update_ppisp(const std::vector<StepRequest>& views, bool taken) {
     PpispState state = engine_.download(Download::kPpisp).ppisp;  // it is small: the host takes its step
-    const auto learns = [&](const StepRequest& r) { return is_corrected(state, r.isp) && r.isp_rate > 0; };
+    const auto learns = [&](const StepRequest& r) { return is_corrected(state, r.isp) && r.rates.isp > 0; };
     if (std::none_of(views.begin(), views.end(), learns)) return;
     state.step += std::int64_t(views.size());
-    if (taken && !step_ppisp(state, isp_gradient_, views[0].isp_rate, int(views.size()))) ++corrections_left_out_;
+    if (taken && !step_ppisp(state, isp_gradient_, views[0].rates.isp, int(views.size()))) ++corrections_left_out_;
     engine_.upload_ppisp(state);
 }
 

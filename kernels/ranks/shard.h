@@ -26,22 +26,22 @@ class SplatRooms {
         return rows > 0 ? (num * kOne + std::uint64_t(rows) - 1) / std::uint64_t(rows) : 0;
     }
     /// Returns a number that the splats of a rank with `rows` Gaussians hardly exceed in a view, at most `rows`.
-    std::size_t room(std::int64_t view, std::int64_t rows) const {
+    std::size_t room(ImageId view, std::int64_t rows) const {
         const auto found = shares_.find(view);
         const std::uint64_t share = found == shares_.end() ? largest_ : found->second;
         return std::min<std::uint64_t>(rows, (share + share / kMargin) * std::uint64_t(rows) / kOne + kLeast);
     }
-    /// Takes the largest share that any rank showed. A view below 0 is an unknown one. What it needed then it has room
-    /// for from now on.
-    void note(std::int64_t view, std::uint64_t share) {
-        if (view >= 0) shares_[view] = share;
+    /// Takes the largest share that any rank showed. What a known view needed then it has
+    /// room for from now on.
+    void note(ImageId view, std::uint64_t share) {
+        if (view.is_known()) shares_[view] = share;
         largest_ = std::max(largest_, share);
     }
 
   private:
     static constexpr std::uint64_t kOne = 1 << 20, kMargin = 8, kLeast = 16;
     std::uint64_t largest_ = kOne / 4;  ///< what is made room for in views that were not seen yet
-    std::unordered_map<std::int64_t, std::uint64_t> shares_;
+    std::unordered_map<ImageId, std::uint64_t, ImageIdHash> shares_;
 };
 
 /// Brings the pixels of a step's target. They stay as long as the request, by StepRequest::pixels or otherwise.
@@ -61,7 +61,7 @@ struct ShownView {
     CameraParams<float> camera;
     RenderMode mode = RenderMode::kFull;
     bool for_step = false;
-    std::int64_t id = -1;          ///< of a training view
+    ImageId id;                    ///< of a training view
     ViewReport* report = nullptr;  ///< of a step's view
 };
 
@@ -208,7 +208,7 @@ class Shard {
     /// Takes notice of what all ranks say of the views of a step: there is room for them then.
     void note_reports(const std::vector<StepRequest>& views, const std::vector<ViewReport>& reports);
     /// Returns the room that a rank's splats of a view have.
-    std::size_t room(std::int64_t view, std::size_t rank) const { return rooms_.room(view, rows_[rank].count); }
+    std::size_t room(ImageId view, std::size_t rank) const { return rooms_.room(view, rows_[rank].count); }
 
     Communicator& ranks_;
     Engine& engine_;

@@ -72,32 +72,33 @@ void LearningRates::log(const TrainOptions& options) const {
     }
 }
 
-void LearningRates::apply(const Moment& moment, StepRequest& request) const {
+StepRates LearningRates::at(const Moment& moment) const {
+    StepRates rates;
     const double pace = std::min(moment.pace, kLongestPace);
     const double gain = pace > kShortPace ? std::pow(pace / kShortPace, short_rates_) : 1;
     const double t = moment.position + 1, means = gain * means_.at(means_end_.now(moment) + 1);
     const double fall = gain * fall_at(moment.position, final_rate_);
     const auto set = [&](Group group, const Schedule& schedule, double factor = 1) {
-        request.rates[static_cast<int>(group)] = fall * factor * schedule.at(t);
+        rates.groups[static_cast<int>(group)] = fall * factor * schedule.at(t);
     };
-    request.rates[int(Group::kMean)] = means;
+    rates.groups[int(Group::kMean)] = means;
     set(Group::kScale, scales_);
     set(Group::kRotation, rotations_);
-    request.rates[int(Group::kOpacity)] =
+    rates.groups[int(Group::kOpacity)] =
         gain * fall_at(moment.position, final_rate_, opacities_fall_from_) * opacities_.at(t);
     const double base_rate = gain * feature_factor_ * appearance_.base.initial;
     const double least = base_travel_ * pace / kReferenceIterations;
     set(Group::kBase, appearance_.base, feature_factor_ * (base_rate > 0 ? std::max(1.0, least / base_rate) : 1));
-    request.residual_rates.clear();
     if (appearance_.residual.size() == 1) {
         set(Group::kResidual, appearance_.residual[0], residual_factor_);
     } else {
         for (const Schedule& column : appearance_.residual)
-            request.residual_rates.push_back(fall * residual_factor_ * column.at(t));
+            rates.residuals.push_back(fall * residual_factor_ * column.at(t));
     }
-    request.center = center_, request.extent = extent_, request.far_rate = far_rate_;
-    request.shared_rate = fall * appearance_.shared.at(t);
-    request.noise = float(noise_ * means / gain);
+    rates.center = center_, rates.extent = extent_, rates.far = far_rate_;
+    rates.shared = fall * appearance_.shared.at(t);
+    rates.noise = float(noise_ * means / gain);
+    return rates;
 }
 
 double opacity_rate(const std::optional<double>& opacity_lr, double camera_spacing) {

@@ -15,8 +15,8 @@ class LearningRates {
   public:
     LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene);
 
-    /// Sets the rates (and, with MCMC, the noise factor) of the step at `moment`.
-    void apply(const Moment& moment, StepRequest& request) const;
+    /// Returns the rates (and, with MCMC, the noise factor) of the step at `moment`, without that of PPISP.
+    StepRates at(const Moment& moment) const;
 
     /// Logs the rates that depend on the camera spacing, in the scene's unit; a look at them helps when a scene trains
     /// oddly. `options` must be those of the constructor.

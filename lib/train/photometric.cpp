@@ -277,7 +277,7 @@ void Photometric::apply(std::size_t view, const Moment& moment, StepRequest& req
                    .frame = int(view),
                    .camera = scene_.train[view].camera_id,
                    .prior_exposure = prior(view)};
-    request.isp_rate = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, moment.position - first_);
+    request.rates.isp = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, moment.position - first_);
 }
 
 void Photometric::add_controllers(Backend& backend) const {
@@ -291,7 +291,7 @@ void Photometric::apply_controller(std::size_t view, StepRequest& request) const
                    .frame = int(view),
                    .camera = scene_.train[view].camera_id,
                    .prior_exposure = prior(view)};
-    request.isp_rate = kControllerRate;
+    request.rates.isp = kControllerRate;
 }
 
 void Photometric::report(Backend& backend) const {

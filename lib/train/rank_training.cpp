@@ -97,7 +97,7 @@ void follow_training(RankTeam& team, TrainOptions options) {
                 if (target.width != request.camera.width || target.height != request.camera.height)
                     throw DataError(fmt::format(
                         "the image {} has {}x{} pixels instead of {}x{}",
-                        trained->scene.train[std::size_t(request.target.id) % trained->scene.train.size()].name,
+                        trained->scene.train[std::size_t(request.target.id.view)].name,
                         target.width, target.height, request.camera.width, request.camera.height));
                 request.target = target;
                 request.pixels = image;

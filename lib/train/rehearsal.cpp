@@ -107,8 +107,8 @@ bool Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t it
     views_.prefetch(first, first + iterations);
     for (std::int64_t k = 0; k < iterations; ++k) {
         if (seconds_now() - start > most_seconds) return false;
-        const TrainingViews::Step step = views_.at(first + k, first + iterations);
-        backend.step(compose(k, step.view()));
+        const StepView step = views_.at(first + k, first + iterations);
+        backend.step(compose(k, step));
         if ((k + 1) % kCheckInterval == 0 || k + 1 == iterations) check(backend, model);
     }
     backend.synchronize();

@@ -110,7 +110,7 @@ void follow_sharding(RankTeam& team, const std::string& started_as) {
             for (Image& image : images)
                 message.get(image.width), message.get(image.height), message.get(image.channels), message.get(image.u8);
             return [images = std::move(images)](StepRequest& request) {
-                const Image& image = images.at(std::size_t(request.target.id));
+                const Image& image = images.at(std::size_t(request.target.id.view));
                 TargetImage& target = request.target;
                 target.width = image.width, target.height = image.height, target.channels = image.channels;
                 target.u8 = image.u8.data();

@@ -11,9 +11,9 @@
 
 namespace gs {
 
-/// Returns a target that points into `image`, which must outlive it. `id` is the index of the view among the training
-/// views, by which a device recognises the images it has kept; -1 for an image that is used once.
-inline TargetImage target_image(const ViewImage& image, std::int64_t id = -1) {
+/// Returns a target that points into `image`, which must outlive it. A device recognises the images that it has kept by
+/// `id`.
+inline TargetImage target_image(const ViewImage& image, ImageId id = {}) {
     TargetImage t;
     t.id = id;
     t.width = image.color.width, t.height = image.color.height, t.channels = image.color.channels;
@@ -28,7 +28,7 @@ struct StepView {
     std::size_t index = 0;                   ///< index into scene.train
     std::shared_ptr<const ViewImage> image;  ///< null: its pixels are read elsewhere
     Vec3<float> background{};
-    int level = 0;  ///< place of the image among those of its view: 0 for the full one, f - 1 if reduced f times
+    int factor = 1;  ///< by which the image is reduced
 };
 
 class StepComposer {

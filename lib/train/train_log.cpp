@@ -113,15 +113,15 @@ void TensorBoard::add_line(const nlohmann::json& line) {
     if (!scalars.empty()) attempt([&] { file_.add(line.at("iteration").get<std::int64_t>(), scalars); });
 }
 
-void TensorBoard::add_rates(std::int64_t iteration, const StepRequest& rates) {
+void TensorBoard::add_rates(std::int64_t iteration, const StepRates& rates) {
     std::vector<EventFile::Scalar> scalars;
     for (int g = 0; g < kNumGroups; ++g) {
-        double rate = rates.rates[g];
-        if (Group(g) == Group::kResidual && !rates.residual_rates.empty())
-            rate = *std::max_element(rates.residual_rates.begin(), rates.residual_rates.end());
+        double rate = rates.groups[g];
+        if (Group(g) == Group::kResidual && !rates.residuals.empty())
+            rate = *std::max_element(rates.residuals.begin(), rates.residuals.end());
         if (rate > 0) scalars.push_back({std::string("rates/") + kGroupNames[std::size_t(g)], rate});
     }
-    if (rates.shared_rate > 0) scalars.push_back({"rates/shared", rates.shared_rate});
+    if (rates.shared > 0) scalars.push_back({"rates/shared", rates.shared});
     attempt([&] { file_.add(iteration, scalars); });
 }
 

@@ -56,7 +56,7 @@ class TensorBoard {
     /// Takes the numbers of a line of stats/train.jsonl, if it has any to show.
     void add_line(const nlohmann::json& line);
     /// Adds the learning rates of a step; of a residual with several the highest.
-    void add_rates(std::int64_t iteration, const StepRequest& rates);
+    void add_rates(std::int64_t iteration, const StepRates& rates);
     void add_picture(std::int64_t iteration, const std::string& tag, const Image& picture);
 
   private:

@@ -436,7 +436,7 @@ class Run {
 
     void iterate() {
         // First, since it may fail: nothing of this iteration is done yet, and a checkpoint continues before it.
-        const std::vector<TrainingViews::Step> steps = next_steps();
+        const std::vector<StepView> steps = next_steps();
         const auto num_views = std::int64_t(steps.size());
         const Moment moment = course_.moment();
         decide_photometric(moment);
@@ -448,7 +448,7 @@ class Run {
                            iteration_ + 1);
         report_residuals(residuals_.before_step(*backend_, moment, steps_on_views(moment)), iteration_ + 1);
         std::vector<StepRequest> requests;
-        for (const TrainingViews::Step& step : steps) requests.push_back(composer_.compose(step.view(), moment));
+        for (const StepView& step : steps) requests.push_back(composer_.compose(step, moment));
         if (num_views > 1) StepComposer::combine(requests);
         backend_->step_on(requests);
         last_moment_ = moment;
@@ -464,7 +464,7 @@ class Run {
 
     /// Returns the views of the next step: as many as the backend takes, but no more than there are to the next
     /// iteration at which something may be due.
-    std::vector<TrainingViews::Step> next_steps() {
+    std::vector<StepView> next_steps() {
         std::int64_t end = (iteration_ / kLogInterval + 1) * kLogInterval;
         const auto ends_at = [&](std::int64_t iteration) {
             if (iteration > iteration_) end = std::min(end, iteration);
@@ -479,7 +479,7 @@ class Run {
         } else {
             end = iteration_ + 1;
         }
-        std::vector<TrainingViews::Step> steps;
+        std::vector<StepView> steps;
         for (std::int64_t k = 0; iteration_ + k < end; ++k)
             steps.push_back(
                 views_.at(iteration_ + k, last_iteration(), course_.reduction(), backend_->needs_pixels(int(k))));
@@ -545,9 +545,9 @@ class Run {
                                   " iterations of the controllers, which are lost; the model is written" +
                                   (course_.limits_time() ? "" : " and its checkpoint; " + how_to_continue()));
             }
-            const TrainingViews::Step step =
+            const StepView step =
                 views_.at(iteration_ + k, by_time ? last_iteration() : iteration_ + *controller_limit_);
-            backend_->distill(composer_.compose_distillation(step.view(), iteration_ + k));
+            backend_->distill(composer_.compose_distillation(step, iteration_ + k));
             if ((k + 1) % kMaxSkips == 0) read_stats();
             if (progress_.due(k + 1)) {
                 settle();
@@ -619,9 +619,7 @@ class Run {
                      {"train_seconds", train_seconds_}});
         logged_wait_ = wait;
         if (!hooks_.tensorboard) return;
-        StepRequest rates;
-        composer_.rates().apply(last_moment_, rates);
-        hooks_.tensorboard->add_rates(iteration_, rates);
+        hooks_.tensorboard->add_rates(iteration_, composer_.rates().at(last_moment_));
     }
 
     bool something_is_due() const {

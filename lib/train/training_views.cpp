@@ -57,27 +57,22 @@ void TrainingViews::prefetch(std::int64_t first, std::int64_t end, int factor) {
         if (is_read_here(k)) images.prefetch(ahead_.at(k));
 }
 
-TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end, int factor, bool with_image) {
-    Step step;
+StepView TrainingViews::at(std::int64_t iteration, std::int64_t end, int factor, bool with_image) {
+    StepView view{.index = order_.at(iteration), .background = background_at(iteration), .factor = factor};
     ImageCache& images = images_of(factor);
-    step.index = order_.at(iteration);
     if (with_image) {
         const double start = seconds_now();
-        step.image = images.get(step.index);
+        view.image = images.get(view.index);
         wait_seconds_ += seconds_now() - start;
     }
     prefetch_ahead(images, iteration, end);
-    step.background = background_at(iteration);
-    step.level = factor - 1;
-    return step;
+    return view;
 }
 
-std::shared_ptr<const ViewImage> TrainingViews::image_of_rank(std::int64_t id, std::int64_t iteration) {
-    const auto count = std::int64_t(scene_.train.size());
-    const int factor = int(id / count) + 1;
-    ImageCache& images = images_of(factor);
-    if (!std::exchange(began_, true)) prefetch(iteration, std::numeric_limits<std::int64_t>::max(), factor);
-    auto image = images.get(std::size_t(id % count));
+std::shared_ptr<const ViewImage> TrainingViews::image_of_rank(ImageId id, std::int64_t iteration) {
+    ImageCache& images = images_of(id.factor);
+    if (!std::exchange(began_, true)) prefetch(iteration, std::numeric_limits<std::int64_t>::max(), id.factor);
+    auto image = images.get(std::size_t(id.view));
     for (std::size_t k = 0; k < read_here_.size(); ++k)
         prefetch_ahead(images, iteration + std::int64_t(k), std::numeric_limits<std::int64_t>::max());
     return image;

@@ -44,23 +44,13 @@ class TrainingViews {
     /// are decoded ahead.
     void deal(int views_per_step, const std::function<bool(int k)>& is_read_here);
 
-    /// The view of one step.
-    struct Step {
-        std::size_t index = 0;                   ///< index into scene.train
-        std::shared_ptr<const ViewImage> image;  ///< null where the pixels are read elsewhere
-        Vec3<float> background;
-        int level = 0;  ///< StepView::level
-
-        StepView view() const { return {index, image, background, level}; }
-    };
-
     /// Starts decoding for the iterations from `first` to before `end`.
     void prefetch(std::int64_t first, std::int64_t end, int factor = 1);
-    /// Returns the step of `iteration` in a stretch that ends before `end`, with images reduced `factor` times, or
-    /// without its image.
-    Step at(std::int64_t iteration, std::int64_t end, int factor = 1, bool with_image = true);
-    /// Returns the image of a view by its index and level, and decodes ahead what this rank needs from `iteration` on.
-    std::shared_ptr<const ViewImage> image_of_rank(std::int64_t id, std::int64_t iteration);
+    /// Returns the view of the step at `iteration`, with its image reduced `factor` times or without it. Decodes ahead
+    /// up to before `end`.
+    StepView at(std::int64_t iteration, std::int64_t end, int factor = 1, bool with_image = true);
+    /// Returns an image, and decodes ahead what this rank needs from `iteration` on.
+    std::shared_ptr<const ViewImage> image_of_rank(ImageId id, std::int64_t iteration);
 
     const View& view_at(std::int64_t iteration) { return scene_.train[order_.at(iteration)]; }
     std::shared_ptr<const ViewImage> image(std::size_t view) { return images_.get(view); }

@@ -58,7 +58,7 @@ void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r,
         std::int64_t certain = 0, moving = 0;
         for (std::size_t i = 0; i < before.param.size(); ++i) {
             const Rounded g = want.gradient[k][i];
-            const double size = std::abs(g.v), rate = r.rates[k];
+            const double size = std::abs(g.v), rate = r.rates.groups[k];
             // m = 0.1 g and v = 0.001 g^2: the factor, the product and the fma are rounded.
             m.add(now.m[i], {0.1 * g.v, 0.1 * g.e + 4 * kRoundoff * 0.1 * size + kFlushed});
             v.add(now.v[i],

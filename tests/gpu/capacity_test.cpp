@@ -90,7 +90,7 @@ TEST_F(GpuCapacity, StepsThatDidNotFitAreRepeated) {
             for (const char* view = order; *view; ++view, ++k) {
                 RandomTarget& target = *view == 'f' ? small : large;
                 StepRequest r = step_request(*view == 'f' ? few : many, target.image());
-                r.iteration = k, r.noise = 80, r.seed = 1;
+                r.iteration = k, r.rates.noise = 80, r.seed = 1;
                 gpu->step(r);
                 for (auto& x : target.u8) x = std::uint8_t(x * 5 + 1 + k);
             }

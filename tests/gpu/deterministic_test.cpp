@@ -22,7 +22,7 @@ struct Views {
     }
     StepRequest request(int k, bool with_ids) const {
         StepRequest r = step_request(cameras[k % kViews], targets[k % kViews].image(with_ids ? k % kViews : -1));
-        r.iteration = k, r.noise = 80, r.seed = 7;
+        r.iteration = k, r.rates.noise = 80, r.seed = 7;
         return r;
     }
 };

@@ -64,7 +64,7 @@ inline StepRequest step_request(const CameraParams<float>& camera, const TargetI
     r.target = target;
     r.gather_gradient_stats = true;
     const double rates[kNumGroups] = {1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3, 1.25e-4};
-    std::copy_n(rates, kNumGroups, r.rates);
+    std::copy_n(rates, kNumGroups, r.rates.groups);
     return r;
 }
 

@@ -59,14 +59,14 @@ template <class Model> class GpuModel : public ::testing::Test {
         pipe.render(d, cast<double>(r.camera), {r.background.x, r.background.y, r.background.z});
         std::vector<double> dL_dimage(pipe.image.size());
         ImageLoss<double> loss;
-        loss.compute(pipe.image.data(), r.target, r.background, double(r.lambda_dssim), dL_dimage.data());
+        loss.compute(pipe.image.data(), r.target, r.background, double(r.loss.lambda_dssim), dL_dimage.data());
         auto gradients = pipe.gradients(d, dL_dimage);
         return {pipe.image, std::move(gradients)};
     }
     static StepRequest request(const TestScene& t, const RandomTarget& target) {
         StepRequest r = step_request(t.camera, target.image());
-        r.opacity_reg = r.scale_reg = 0;
-        r.shared_rate = 3e-3;
+        r.loss.opacity_reg = r.loss.scale_reg = 0;
+        r.rates.shared = 3e-3;
         return r;
     }
     static Gaussians after_step(const TestScene& t, const StepRequest& r, const BackendOptions& options) {
@@ -157,9 +157,9 @@ TYPED_TEST(GpuModel, FollowsTheCpuOverManySteps) {
     cpu->upload(t.model), gpu->upload(t.model);
     for (int k = 0; k < 40; ++k) {
         StepRequest r = this->request(t, targets[k % 2]);
-        r.target.id = k % 2, r.iteration = k;
-        for (double& rate : r.rates) rate *= 0.1;
-        r.shared_rate = 3e-4;
+        r.target.id.view = k % 2, r.iteration = k;
+        for (double& rate : r.rates.groups) rate *= 0.1;
+        r.rates.shared = 3e-4;
         cpu->step(r), gpu->step(r);
     }
     gpu->synchronize();

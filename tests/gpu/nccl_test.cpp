@@ -100,7 +100,7 @@ TEST_F(GpuNccl, EndsATrainingWithALostRank) {
                 ended.wait();
                 throw DataError("the photograph is gone");
             }
-            request.target = views.target(request.target.id);
+            request.target = views.target(request.target.id.view);
         };
         if (ranks.rank() == 1) return follow(ranks, *own, targets);
         Backend backend(std::move(own), &ranks, kViews);
@@ -112,7 +112,7 @@ TEST_F(GpuNccl, EndsATrainingWithALostRank) {
         const auto begin_steps = [&] {
             for (int k = 0; k <= kLast; ++k) {
                 auto steps = views.steps();
-                for (StepRequest& step : steps) step.iteration = k, step.isp_rate = 0;
+                for (StepRequest& step : steps) step.iteration = k, step.rates.isp = 0;
                 backend.step_on(steps);
             }
         };

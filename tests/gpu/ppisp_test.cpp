@@ -112,7 +112,7 @@ TEST_F(GpuPpisp, LearnsAsTheCpuDoes) {
         Pair both(view_of(width, height), random_ppisp(5, false));
         const RandomTarget target(width, height, 3);
         StepRequest r = step_request(both.scene.camera, target.image());
-        r.isp = {IspMode::kFrame, 3, 1, 0}, r.isp_rate = 0.002;
+        r.isp = {IspMode::kFrame, 3, 1, 0}, r.rates.isp = 0.002;
         both.gpu->step(r), both.cpu->step(r);
         both.gpu->synchronize();
         EXPECT_NEAR(both.gpu->take_stats().loss, both.cpu->take_stats().loss, 1e-5);
@@ -128,7 +128,7 @@ TEST_F(GpuPpisp, LearnsAsTheCpuDoes) {
         EXPECT_LT(cameras, 2e-4);
         EXPECT_LT(means, 2e-3);
         // Rate 0 leaves all of it as it is.
-        r.isp_rate = 0;
+        r.rates.isp = 0;
         both.gpu->step(r);
         EXPECT_TRUE(same_bits(both.gpu->download(true).ppisp.param, gpu.ppisp.param));
     }
@@ -140,7 +140,7 @@ TEST_F(GpuPpisp, ControllersLearnAsOnTheCpu) {
         Pair both(view_of(width, height), random_ppisp(6, true));
         const RandomTarget target(width, height, 3);
         StepRequest r = step_request(both.scene.camera, target.image());
-        r.isp = {IspMode::kController, 3, 1, 0.5f}, r.isp_rate = 0.001;
+        r.isp = {IspMode::kController, 3, 1, 0.5f}, r.rates.isp = 0.001;
         both.gpu->distill(r), both.cpu->distill(r);
         const Gaussians gpu = both.gpu->download(true), cpu = both.cpu->download(true);
         EXPECT_TRUE(same_bits(gpu[Group::kMean].param, both.scene.model[Group::kMean].param));
@@ -169,7 +169,7 @@ TEST_F(GpuPpisp, DistillationFindsTheExposure) {
         for (std::size_t c = 0; c < 3; ++c) target.f32[3 * i + c] = std::min(1.0f, 0.5f * raw.rgb[c * pixels + i]);
     StepRequest r = step_request(both.scene.camera, target.image());
     r.background = both.scene.background;
-    r.isp = {IspMode::kController, -1, 0, 0}, r.isp_rate = 0.001;
+    r.isp = {IspMode::kController, -1, 0, 0}, r.rates.isp = 0.001;
     both.gpu->distill(r);
     both.gpu->synchronize();
     const double before = both.gpu->take_stats().loss;
@@ -190,7 +190,7 @@ TEST_F(GpuPpisp, StepsThatDidNotFitAreRepeated) {
         if (room) both.render({});
         for (int k = 0; k < 6; ++k) {
             StepRequest r = step_request(k % 2 ? both.scene.camera : few, (k % 2 ? large : small).image());
-            r.isp = {IspMode::kFrame, k, k % 2, 0}, r.isp_rate = 0.002;
+            r.isp = {IspMode::kFrame, k, k % 2, 0}, r.rates.isp = 0.002;
             both.gpu->step(r);
         }
         after[room] = both.gpu->download(true).ppisp;
@@ -209,13 +209,13 @@ TEST_F(GpuPpisp, StaysFiniteAtTheExtremes) {
         Pair both(view_of(40, 30), state);
         const RandomTarget target(40, 30, 3);
         StepRequest r = step_request(both.scene.camera, target.image());
-        r.isp = {IspMode::kFrame, 3, 1, 0}, r.isp_rate = 0.002;
+        r.isp = {IspMode::kFrame, 3, 1, 0}, r.rates.isp = 0.002;
         expect_finite(both.render(r.isp).rgb, "pixel");
         both.gpu->step(r);
         const Gaussians after = both.gpu->download(true);
         expect_finite(after.ppisp.param, "parameter"), expect_finite(after.ppisp.m, "moment");
         for (int g = 0; g < kNumGroups; ++g) expect_finite(after.groups[g].m, kGroupNames[g]);
-        r.isp.mode = IspMode::kController, r.isp_rate = 0.001;
+        r.isp.mode = IspMode::kController, r.rates.isp = 0.001;
         both.gpu->distill(r);
         expect_finite(both.gpu->download(true).ppisp.controller, "weight");
     }
@@ -227,7 +227,7 @@ TEST_F(GpuPpisp, RefusesViewsThatTheModelDoesNotHave) {
     EXPECT_THROW(both.render({IspMode::kFrame, 0, kCameras, 0}), UsageError);
     const RandomTarget target(40, 30, 3);
     StepRequest r = step_request(both.scene.camera, target.image());
-    r.isp = {IspMode::kController, -1, 0, 0}, r.isp_rate = 0.001;
+    r.isp = {IspMode::kController, -1, 0, 0}, r.rates.isp = 0.001;
     EXPECT_THROW(both.gpu->distill(r), UsageError) << "there is no controller";
     r.isp = {IspMode::kFrame, kFrames, 0, 0};
     EXPECT_THROW(both.gpu->step(r), UsageError);

@@ -268,7 +268,7 @@ TEST_F(GpuRanksOfOneModel, KeepPlaceForViewsThatShowLittle) {
                     backend.upload(views.model);
                     auto steps = views.steps();
                     steps.resize(2);
-                    for (StepRequest& one : steps) one.isp_rate = 0;
+                    for (StepRequest& one : steps) one.rates.isp = 0;
                     backend.step_on(steps);
                 }
                 after = backend.download(true);

@@ -311,7 +311,7 @@ template <class Model> class Sample {
     Sample(const Gaussians& model, const StepRequest& r, std::uint64_t sample, LossPlanes& planes)
         : scene_(model, r.camera, r.background, RenderMode::kFull, sample), sample_(sample) {
         blend();
-        NoisyLoss l = noisy_loss(rgb_, r.target, r.background, double(r.lambda_dssim), sample, planes);
+        NoisyLoss l = noisy_loss(rgb_, r.target, r.background, double(r.loss.lambda_dssim), sample, planes);
         l1 = l.l1, ssim = l.ssim, loss = l.loss;
         dL_dimage_ = std::move(l.dL_dimage);
         const std::vector<SplatSums<Noisy>> sums = backward();
@@ -413,9 +413,9 @@ template <class Model> class Sample {
             gaussian_backward<Model>(scene_.view(), i, scene_.camera, scene_.degree, sums, g, residual,
                                      static_cast<Noisy*>(nullptr));
         const Noisy opacity = sigmoid(Noisy(model[Group::kOpacity].param[i])), n{double(model.count)};
-        g.geometry.raw_opacity = g.geometry.raw_opacity + Noisy(r.opacity_reg) / n * opacity * (Noisy(1) - opacity);
+        g.geometry.raw_opacity = g.geometry.raw_opacity + Noisy(r.loss.opacity_reg) / n * opacity * (Noisy(1) - opacity);
         const auto scale = [&](int k) {
-            return Noisy(r.scale_reg) / (Noisy(3) * n) *
+            return Noisy(r.loss.scale_reg) / (Noisy(3) * n) *
                    gs_exp(gs::gs_min(Noisy(model[Group::kScale].param[3 * i + k]), Noisy(kMaxLogScale)));
         };
         g.geometry.log_scale += Vec3<Noisy>{scale(0), scale(1), scale(2)};
@@ -448,7 +448,7 @@ template <class Model> StepReference double_step(const Gaussians& model, const S
     std::vector<double> dL_dimage(pipe.image.size());
     ImageLoss<double> loss;
     const LossValues values =
-        loss.compute(pipe.image.data(), r.target, r.background, double(r.lambda_dssim), dL_dimage.data());
+        loss.compute(pipe.image.data(), r.target, r.background, double(r.loss.lambda_dssim), dL_dimage.data());
     auto gradients = pipe.gradients(d, dL_dimage);
     StepReference out;
     out.loss = {values.loss, 0}, out.l1 = {values.l1, 0}, out.ssim = {values.ssim, 0};
@@ -457,10 +457,10 @@ template <class Model> StepReference double_step(const Gaussians& model, const S
     std::vector<double> ignored(d.shared.param.size());
     for (std::int64_t i = 0; i < model.count; ++i) {
         const double opacity = sigmoid(d[Group::kOpacity].param[i]);
-        gradients[Group::kOpacity].param[i] += double(r.opacity_reg) / n * opacity * (1 - opacity);
+        gradients[Group::kOpacity].param[i] += double(r.loss.opacity_reg) / n * opacity * (1 - opacity);
         for (int k = 0; k < 3; ++k)
             gradients[Group::kScale].param[3 * i + k] +=
-                double(r.scale_reg) / (3 * n) * std::exp(std::min(d[Group::kScale].param[3 * i + k], kMaxLogScale));
+                double(r.loss.scale_reg) / (3 * n) * std::exp(std::min(d[Group::kScale].param[3 * i + k], kMaxLogScale));
         typename CpuRasterizer<double, Model>::FullGradient g;
         pipe.raster.gaussian_gradient(view, i, g, ignored.data());
         out.statistic.push_back({std::hypot(0.5 * r.camera.width * g.mean2d.x, 0.5 * r.camera.height * g.mean2d.y), 0});

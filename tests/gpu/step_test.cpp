@@ -30,7 +30,7 @@ TEST_F(GpuSteps, WithoutAnythingInFrontMoveNothing) {
     const TestScene scene = behind_scene();
     const RandomTarget target(50, 40, 3);
     StepRequest r = step_request(scene.camera, target.image());
-    r.opacity_reg = r.scale_reg = 0;
+    r.loss.opacity_reg = r.loss.scale_reg = 0;
     const auto gpu = make_cuda_backend(scene.model.appearance);
     gpu->upload(scene.model);
     gpu->step(r);
@@ -64,7 +64,7 @@ TEST_F(GpuSteps, OnTheirOwnPictureHaveNothingToLearn) {
         const auto gpu = make_cuda_backend(scene.model.appearance);
         gpu->upload(scene.model);
         StepRequest r = step_request(scene.camera, {});
-        r.opacity_reg = r.scale_reg = 0;
+        r.loss.opacity_reg = r.loss.scale_reg = 0;
         RenderRequest view;
         view.camera = scene.camera, view.background = r.background;
         RenderedImage image;
@@ -94,9 +94,9 @@ TEST_F(GpuSteps, WithNoiseAndRatesOfTheirOwnFollowTheCpu) {
     const RandomTarget targets[] = {{160, 120, 3, false, false, 1}, {160, 120, 4, true, false, 2}};
     for (int k = 0; k < 5; ++k) {
         StepRequest r = step_request(scene.camera, targets[k % 2].image(k % 2));
-        r.iteration = k, r.seed = 3, r.noise = 80;
-        r.extent = 0.5f, r.far_rate = 0.7f;
-        for (int c = 0; c < 45; ++c) r.residual_rates.push_back(1e-4 * (1 + c));
+        r.iteration = k, r.seed = 3, r.rates.noise = 80;
+        r.rates.extent = 0.5f, r.rates.far = 0.7f;
+        for (int c = 0; c < 45; ++c) r.rates.residuals.push_back(1e-4 * (1 + c));
         cpu->step(r), gpu->step(r);
     }
     const Gaussians a = cpu->download(true), b = gpu->download(true);
@@ -161,9 +161,9 @@ TEST(LazyAdam, MissedStepsEqualPlainAdam) {
     for (StepRequest* r : {&wide, &narrow}) {
         r->target = {kWidth, kHeight, 3, target.data(), nullptr, nullptr};
         r->gather_gradient_stats = true;
-        r->opacity_reg = r->scale_reg = 0;
-        for (double& rate : r->rates) rate = 1e-6;
-        r->rates[int(Group::kResidual)] = 1e-3;
+        r->loss.opacity_reg = r->loss.scale_reg = 0;
+        for (double& rate : r->rates.groups) rate = 1e-6;
+        r->rates.groups[int(Group::kResidual)] = 1e-3;
     }
     // Moments from the CPU, the same for both: gradients near zero have no sign that two roundings agree about.
     cpu->upload(start);
@@ -174,7 +174,7 @@ TEST(LazyAdam, MissedStepsEqualPlainAdam) {
         cpu->upload(state), gpu->upload(state);
         for (int k = 0; k < steps; ++k) {
             StepRequest r = narrow;
-            r.rates[int(Group::kResidual)] = 1e-3 * (1 + 0.5 * (k % 5));  // the rate may change from step to step
+            r.rates.groups[int(Group::kResidual)] = 1e-3 * (1 + 0.5 * (k % 5));  // the rate may change from step to step
             cpu->step(r), gpu->step(r);
         }
         const Gaussians a = cpu->download(true), b = gpu->download(true);

@@ -122,13 +122,14 @@ constexpr std::int64_t kUnknown = std::numeric_limits<std::int64_t>::max();
 
 TEST(InstanceForecast, KnowsNothingOfANewView) {
     InstanceForecast f;
-    EXPECT_EQ(f.most(3), kUnknown);
-    f.note(3, 1'000'000);
-    EXPECT_GE(f.most(3), 1'000'000);
-    EXPECT_LT(f.most(3), 1'500'000);
-    EXPECT_EQ(f.most(4), kUnknown);
-    f.note(-1, 1'000'000);
-    EXPECT_EQ(f.most(-1), kUnknown);
+    EXPECT_EQ(f.most({3}), kUnknown);
+    f.note({3}, 1'000'000);
+    EXPECT_GE(f.most({3}), 1'000'000);
+    EXPECT_LT(f.most({3}), 1'500'000);
+    EXPECT_EQ(f.most({4}), kUnknown);
+    EXPECT_EQ(f.most({.view = 3, .factor = 2}), kUnknown);
+    f.note({-1}, 1'000'000);
+    EXPECT_EQ(f.most({-1}), kUnknown);
 }
 
 // 40 views that differ by up to four times, while all grow by a thousandth a step.
@@ -140,12 +141,12 @@ TEST(InstanceForecast, FollowsATrainingThatGrows) {
         const int view = step * 7 % 40;
         const auto n = std::int64_t(level * (1 + 3 * view / 39.0));
         if (step >= 40) {
-            const std::int64_t most = f.most(view);
+            const std::int64_t most = f.most({view});
             EXPECT_GE(most, n) << step;
             EXPECT_LE(most, n * 1.5 + 20'000) << step;
             ++known;
         }
-        f.note(view, n);
+        f.note({view}, n);
     }
     EXPECT_EQ(known, 1960);
 }
@@ -158,8 +159,8 @@ TEST(InstanceForecast, FollowsAResetWithFewSteps) {
         const int view = step * 7 % 40, since = step % 1000;
         const double level = step < 1000 ? 1e6 : 1e6 * (1 - 0.7 * std::exp(-since / 100.0));
         const auto n = std::int64_t(level * (1 + view / 39.0));
-        if (n > f.most(view)) ++too_many;
-        f.note(view, n);
+        if (n > f.most({view})) ++too_many;
+        f.note({view}, n);
     }
     EXPECT_LE(too_many, 30);
 }
@@ -167,24 +168,24 @@ TEST(InstanceForecast, FollowsAResetWithFewSteps) {
 // One view fills up, and disturbs no other.
 TEST(InstanceForecast, OneViewThatChangesDoesNotMoveTheOthers) {
     InstanceForecast f;
-    for (int view = 0; view < 40; ++view) f.note(view, view == 0 ? 0 : 1'000'000);
+    for (int view = 0; view < 40; ++view) f.note({view}, view == 0 ? 0 : 1'000'000);
     for (int step = 0; step < 400; ++step) {
         const int view = step * 7 % 40;
         if (view) {
-            EXPECT_GE(f.most(view), 1'000'000) << step;
-            EXPECT_LE(f.most(view), 2'000'000) << step;
+            EXPECT_GE(f.most({view}), 1'000'000) << step;
+            EXPECT_LE(f.most({view}), 2'000'000) << step;
         }
-        f.note(view, 1'000'000);
+        f.note({view}, 1'000'000);
     }
-    EXPECT_GE(f.most(0), 1'000'000);
-    EXPECT_LE(f.most(0), 2'000'000);
+    EXPECT_GE(f.most({0}), 1'000'000);
+    EXPECT_LE(f.most({0}), 2'000'000);
 }
 
 TEST(InstanceForecast, TakesViewsWithoutInstances) {
     InstanceForecast f;
-    for (int k = 0; k < 100; ++k) f.note(k % 2, k % 2 ? 1'000'000 : 0);
-    EXPECT_GE(f.most(0), 0);
-    EXPECT_GE(f.most(1), 1'000'000);
+    for (int k = 0; k < 100; ++k) f.note({k % 2}, k % 2 ? 1'000'000 : 0);
+    EXPECT_GE(f.most({0}), 0);
+    EXPECT_GE(f.most({1}), 1'000'000);
 }
 
 /// Adds a whole window of n, with `once` in the middle, and returns what comes at its end.

@@ -61,7 +61,7 @@ inline void expect_that_only_visible_move(Backend& backend, const RankViews& vie
     const Gaussians before = stepped_model(backend, views);
     const auto after_step = [&](bool only_visible) {
         StepRequest r = narrow_step(views, only_visible);
-        r.noise = 100;
+        r.rates.noise = 100;
         backend.upload(before);
         backend.step(r);
         return backend.download(true);
@@ -100,7 +100,7 @@ void expect_missed_steps(Backend& backend, const RankViews& views, std::size_t n
     constexpr float kMissed[] = {0, 1, 40, 1e5};  // in views
     const auto noisy_steps = [&](bool only_visible) {
         auto steps = narrow_steps(views, only_visible, num_views);
-        for (StepRequest& r : steps) r.noise = 100;
+        for (StepRequest& r : steps) r.rates.noise = 100;
         return steps;
     };
     Gaussians before = stepped_model(backend, views);
@@ -119,7 +119,7 @@ void expect_missed_steps(Backend& backend, const RankViews& views, std::size_t n
         for (auto& group : older.groups)
             for (float& v : group.v) v = float(v * decay);
         auto steps = noisy_steps(false);
-        for (StepRequest& r : steps) r.opacity_reg *= turns, r.scale_reg *= turns, r.noise *= std::sqrt(turns);
+        for (StepRequest& r : steps) r.loss.opacity_reg *= turns, r.loss.scale_reg *= turns, r.rates.noise *= std::sqrt(turns);
         backend.upload(older);
         take(steps);
         const Gaussians want = backend.download(true);

@@ -85,9 +85,9 @@ float step_of_mean(float x, float far_rate) {
     GaussianGradient<float> gradient{};
     gradient.geometry.mean = {0, -1, 0};
     StepRequest request;
-    request.rates[int(Group::kMean)] = 0.5;
-    request.center = {1, 0, 0}, request.extent = 2, request.far_rate = far_rate;
-    request.opacity_reg = request.scale_reg = 0;
+    request.rates.groups[int(Group::kMean)] = 0.5;
+    request.rates.center = {1, 0, 0}, request.rates.extent = 2, request.rates.far = far_rate;
+    request.loss.opacity_reg = request.loss.scale_reg = 0;
     update_gaussian(gaussian.arrays, update_args(request, 1, 1), 0, 1, gradient);
     return gaussian[Group::kMean][1] / 0.5f;
 }

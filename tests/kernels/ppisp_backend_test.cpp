@@ -51,8 +51,8 @@ struct Frames {
         StepRequest r;
         r.camera = cameras[frame];
         r.target = {kWidth, kHeight, 3, nullptr, targets[frame].data()};
-        r.opacity_reg = r.scale_reg = 0;
-        r.isp.mode = mode, r.isp.frame = frame, r.isp_rate = isp_rate;
+        r.loss.opacity_reg = r.loss.scale_reg = 0;
+        r.isp.mode = mode, r.isp.frame = frame, r.rates.isp = isp_rate;
         return r;
     }
     std::unique_ptr<Backend> backend() const {
@@ -185,7 +185,7 @@ TEST(PpispBackend, GaussiansLearnThroughTheCorrection) {
     const double before = backend->take_stats().loss;
     for (int i = 0; i < 400; ++i) {
         StepRequest r = frames.step(i % kFrames, IspMode::kFrame, 0);
-        r.rates[int(Group::kBase)] = 0.01 * std::pow(0.02, i / 400.0);
+        r.rates.groups[int(Group::kBase)] = 0.01 * std::pow(0.02, i / 400.0);
         backend->step(r);
     }
     EXPECT_LT(backend->take_stats().loss, 0.05 * before);

@@ -53,21 +53,21 @@ struct RankViews {
         }
     }
 
-    TargetImage target(std::int64_t view) const {
-        return {kRankWidth, kRankHeight, 3, nullptr, photographs[std::size_t(view)].data(), nullptr, view};
+    TargetImage target(int view) const {
+        return {kRankWidth, kRankHeight, 3, nullptr, photographs[std::size_t(view)].data(), nullptr, {view}};
     }
     TargetSource targets() const {
-        return [this](StepRequest& r) { r.target = target(r.target.id); };
+        return [this](StepRequest& r) { r.target = target(r.target.id.view); };
     }
     StepRequest step(std::size_t view) const {
         StepRequest r;
         r.camera = cameras[view];
         r.background = {0.2f, 0.1f, 0.3f};
-        r.target = target(std::int64_t(view));
+        r.target = target(int(view));
         r.isp = {IspMode::kFrame, int(view), 0, 0};
-        r.isp_rate = 1e-3;
-        for (double& rate : r.rates) rate = 1e-3;
-        r.shared_rate = 1e-3;
+        r.rates.isp = 1e-3;
+        for (double& rate : r.rates.groups) rate = 1e-3;
+        r.rates.shared = 1e-3;
         return r;
     }
     std::vector<StepRequest> steps() const {
@@ -193,7 +193,7 @@ inline Gaussians train_with_noise(const RankViews& views, Backend& backend) {
     backend.upload(views.model);
     for (int k = 0; k < 3; ++k) {
         auto steps = views.steps();
-        for (StepRequest& step : steps) step.noise = 100, step.iteration = k;
+        for (StepRequest& step : steps) step.rates.noise = 100, step.iteration = k;
         backend.step_on(steps);
         backend.densify({McmcParams{.cap = kRows + 20}, k, 42});
     }
@@ -220,7 +220,7 @@ inline Gaussians train_in_a_row(const RankViews& views, Backend& backend, bool o
         const RankViews lent = views_in_a_row(views, k);
         auto steps = lent.steps();
         steps.resize(std::size_t(num_views));
-        for (StepRequest& step : steps) step.noise = 100, step.iteration = k, step.isp_rate = 0;
+        for (StepRequest& step : steps) step.rates.noise = 100, step.iteration = k, step.rates.isp = 0;
         backend.step_on(steps);
         if (one_by_one) backend.synchronize();
     }
@@ -236,7 +236,7 @@ inline Gaussians train_in_a_row(const RankViews& views, Backend& backend, bool o
 inline TargetSource targets_in_a_row(const RankViews& views) {
     return [&views](StepRequest& request) {
         const auto kept = std::make_shared<const RankViews>(views_in_a_row(views, request.iteration));
-        request.target = kept->target(request.target.id);
+        request.target = kept->target(request.target.id.view);
         request.pixels = kept;
     };
 }

@@ -165,7 +165,7 @@ TEST(RanksOnDevices, EndStepsOfSharedWeightsBeforeTheyForgetThem) {
             backend.upload(views.model);
             for (int k = 0; k < 5; ++k) {
                 auto steps = views.steps();  // at first there is too little room
-                for (StepRequest& step : steps) step.iteration = k, step.isp_rate = k < 3 ? 0 : 1e-3;
+                for (StepRequest& step : steps) step.iteration = k, step.rates.isp = k < 3 ? 0 : 1e-3;
                 backend.step_on(steps);
             }
             after = backend.download(true);

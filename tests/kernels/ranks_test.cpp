@@ -23,7 +23,7 @@ class EveryModelOnRanks : public ::testing::TestWithParam<std::string> {
 TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
     const RankViews views(info);
     auto plain = views.steps();
-    for (StepRequest& step : plain) step.opacity_reg = step.scale_reg = 0;
+    for (StepRequest& step : plain) step.loss.opacity_reg = step.loss.scale_reg = 0;
     Gaussians sum = sum_of_steps(views.model, plain);
     for (const int ranks : {1, 2, 3, 4}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
@@ -32,12 +32,12 @@ TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
             backend.upload(views.model);
             auto steps = views.steps();
             for (StepRequest& step : steps) {
-                step.opacity_reg = step.scale_reg = 0;
+                step.loss.opacity_reg = step.loss.scale_reg = 0;
                 if (&step != &steps[0]) step.target.f32 = nullptr;  // the other ranks bring it themselves
             }
             if (ranks < kViews)  // rank 0 renders more views than the first
                 for (std::size_t k = 0; k < kViews; k += std::size_t(ranks)) steps[k] = views.step(k);
-            for (StepRequest& step : steps) step.opacity_reg = step.scale_reg = 0;
+            for (StepRequest& step : steps) step.loss.opacity_reg = step.loss.scale_reg = 0;
             backend.step_on(steps);
             backend.synchronize();
             const StepStats stats = backend.take_stats();
@@ -164,7 +164,7 @@ TEST(Ranks, RenderWithTheControllersThatWereTrained) {
         std::vector<RenderedImage> before, after;
         backend.render_all(requests, before);
         StepRequest step = views.step(0);
-        step.isp = requests[0].isp, step.isp_rate = 1e-2;
+        step.isp = requests[0].isp, step.rates.isp = 1e-2;
         for (int k = 0; k < 3; ++k) backend.distill(step);
         backend.render_all(requests, after);
         EXPECT_NE(before[0].rgb, after[0].rgb);
@@ -248,7 +248,7 @@ TEST(Ranks, ExchangeWhatTheFormatsOfTheMessagesSay) {
             with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
                 std::vector<StepRequest> steps = views.steps();
                 for (StepRequest& step : steps)  // what is shown stays what it is
-                    std::fill_n(step.rates, kNumGroups, 0.0), step.isp_rate = 1e-9;
+                    std::fill_n(step.rates.groups, kNumGroups, 0.0), step.rates.isp = 1e-9;
                 backend.upload(views.model);
                 backend.step_on(steps);
                 backend.take_reports();  // what came before does not count

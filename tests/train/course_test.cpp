@@ -128,12 +128,10 @@ TEST(Schedules, RatesFallToTheirLastValueInARunOfAnyLength) {
         TrainOptions o = options_of(iterations);
         o.final_rate = 0.1, o.residual_rate = 3;
         const LearningRates rates(o, appearance_spec(o), scene);
-        StepRequest first, last;
-        rates.apply(moment_at(o, 0), first);
-        rates.apply(moment_at(o, iterations - 1), last);
-        EXPECT_NEAR(last.rates[0] / first.rates[0], 0.01, 2e-4) << "means";
-        for (int g = 1; g < kNumGroups; ++g) EXPECT_NEAR(last.rates[g] / first.rates[g], 0.1, 1e-3) << kGroupNames[g];
-        EXPECT_NEAR(first.rates[int(Group::kResidual)], 3 * 0.000125, 1e-12);
+        const StepRates first = rates.at(moment_at(o, 0)), last = rates.at(moment_at(o, iterations - 1));
+        EXPECT_NEAR(last.groups[0] / first.groups[0], 0.01, 2e-4) << "means";
+        for (int g = 1; g < kNumGroups; ++g) EXPECT_NEAR(last.groups[g] / first.groups[g], 0.1, 1e-3) << kGroupNames[g];
+        EXPECT_NEAR(first.groups[int(Group::kResidual)], 3 * 0.000125, 1e-12);
     }
 }
 
@@ -143,9 +141,7 @@ TEST(Schedules, OpacitiesKeepTheirRateUntilMcmcHasEndedWhereResidualsGo) {
     const auto opacity_rate_at = [&](std::int64_t iteration, double share, Recipe recipe) {
         TrainOptions o = options_of(30000);
         o.final_rate = 0.1, o.appearance_share = share, o.recipe = recipe;
-        StepRequest request;
-        LearningRates(o, appearance_spec(o), scene).apply(moment_at(o, iteration), request);
-        return request.rates[int(Group::kOpacity)];
+        return LearningRates(o, appearance_spec(o), scene).at(moment_at(o, iteration)).groups[int(Group::kOpacity)];
     };
     for (const auto& [share, recipe] : {std::pair{1.0, Recipe::kPaper}, {0.5, Recipe::kFrontier}})
         EXPECT_LT(opacity_rate_at(25000, share, recipe), 0.7 * opacity_rate_at(0, share, recipe));
@@ -159,22 +155,20 @@ TEST(Schedules, ShortRunsHaveHigherRatesIfAsked) {
     const auto first_step = [&](std::int64_t iterations, double exponent, double travel) {
         TrainOptions o = options_of(iterations);
         o.short_rates = exponent, o.base_travel = travel;
-        StepRequest request;
-        LearningRates(o, appearance_spec(o), scene).apply(moment_at(o, 0), request);
-        return request;
+        return LearningRates(o, appearance_spec(o), scene).at(moment_at(o, 0));
     };
-    const StepRequest plain = first_step(1000, 0, 0), higher = first_step(1000, 0.5, 0),
+    const StepRates plain = first_step(1000, 0, 0), higher = first_step(1000, 0.5, 0),
                       longer = first_step(10000, 0.5, 0);
     for (int g = 0; g < kNumGroups; ++g) {
         // The means' rate falls with the position of the step's end, which is the same.
-        EXPECT_NEAR(higher.rates[g] / plain.rates[g], std::sqrt(10.0), 1e-6) << kGroupNames[g];
-        EXPECT_NEAR(longer.rates[g] / first_step(10000, 0, 0).rates[g], 1, 1e-12) << kGroupNames[g];
+        EXPECT_NEAR(higher.groups[g] / plain.groups[g], std::sqrt(10.0), 1e-6) << kGroupNames[g];
+        EXPECT_NEAR(longer.groups[g] / first_step(10000, 0, 0).groups[g], 1, 1e-12) << kGroupNames[g];
     }
-    EXPECT_EQ(first_step(1, 0.5, 3.5).rates[int(Group::kScale)], first_step(50, 0.5, 3.5).rates[int(Group::kScale)])
+    EXPECT_EQ(first_step(1, 0.5, 3.5).groups[int(Group::kScale)], first_step(50, 0.5, 3.5).groups[int(Group::kScale)])
         << "rates of 100 iterations are the highest";
     EXPECT_NEAR(higher.noise, plain.noise, 1e-6 * plain.noise) << "noise stays";
-    EXPECT_NEAR(first_step(1000, 0, 3.5).rates[int(Group::kBase)], 3.5e-3, 1e-9);
-    EXPECT_EQ(first_step(30000, 0, 3.5).rates[int(Group::kBase)], first_step(30000, 0, 0).rates[int(Group::kBase)]);
+    EXPECT_NEAR(first_step(1000, 0, 3.5).groups[int(Group::kBase)], 3.5e-3, 1e-9);
+    EXPECT_EQ(first_step(30000, 0, 3.5).groups[int(Group::kBase)], first_step(30000, 0, 0).groups[int(Group::kBase)]);
 }
 
 TEST(Schedules, FarMeansAreThoseBeyondTheExtentOfTheCameras) {
@@ -184,12 +178,11 @@ TEST(Schedules, FarMeansAreThoseBeyondTheExtentOfTheCameras) {
     scene.extent = 2.5;
     TrainOptions o = options_of(1000);
     o.far_rate = 0.5;
-    StepRequest request;
-    LearningRates(o, appearance_spec(o), scene).apply(moment_at(o, 0), request);
-    const Vec3<float> off = request.center - Vec3<float>{2, 0, -1};
+    const StepRates rates = LearningRates(o, appearance_spec(o), scene).at(moment_at(o, 0));
+    const Vec3<float> off = rates.center - Vec3<float>{2, 0, -1};
     EXPECT_EQ(dot(off, off), 0);
-    EXPECT_EQ(request.extent, 2.5f);
-    EXPECT_EQ(request.far_rate, 0.5f);
+    EXPECT_EQ(rates.extent, 2.5f);
+    EXPECT_EQ(rates.far, 0.5f);
 }
 
 double fake_time = 0;

@@ -72,7 +72,7 @@ class ForwardingEngine : public Engine {
     void update_shared_weights(const std::vector<StepRequest>& views, const DeviceArray<float>& gradients) override {
         inner_->update_shared_weights(views, gradients);
     }
-    std::vector<ViewReport> read_reports(const std::vector<std::int64_t>& ids, int rank) override {
+    std::vector<ViewReport> read_reports(const std::vector<ImageId>& ids, int rank) override {
         return inner_->read_reports(ids, rank);
     }
     void take_back(std::int64_t num_views) override { inner_->take_back(num_views); }

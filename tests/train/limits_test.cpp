@@ -184,7 +184,7 @@ class Watched : public test::ForwardingEngine {
         widths.push_back(request.target.width);
         ForwardingEngine::step(request);
     }
-    std::map<int, std::set<std::int64_t>> ids;
+    std::map<int, std::set<ImageId>> ids;
     std::vector<int> widths;
     float fx = 0;
 };
@@ -201,7 +201,7 @@ TEST(CoarseImages, ComeFirstAndAreOtherImages) {
         return std::make_unique<Backend>(std::move(engine));
     };
     std::vector<int> widths;
-    std::map<int, std::set<std::int64_t>> ids;
+    std::map<int, std::set<ImageId>> ids;
     hooks.evaluate = [&](std::int64_t, Backend&, bool) {
         widths = watched->widths, ids = watched->ids;
         return std::nullopt;
@@ -210,7 +210,7 @@ TEST(CoarseImages, ComeFirstAndAreOtherImages) {
     const int full = scene().train[0].camera.width;
     ASSERT_EQ(widths.size(), 60u);
     for (std::size_t k = 0; k < widths.size(); ++k) EXPECT_EQ(widths[k], k < 30 ? full / 2 : full) << k;
-    for (const std::int64_t id : ids[full / 2]) EXPECT_FALSE(ids[full].contains(id)) << "a device keeps images by id";
+    for (const ImageId id : ids[full / 2]) EXPECT_FALSE(ids[full].contains(id)) << "a device keeps images by id";
 }
 
 TEST(CoarseImages, AreAveragesOverAreas) {

@@ -735,23 +735,22 @@ TEST(LearningRates, FollowTheTable) {
     o.source = "x";
     o = resolve(o);
     const LearningRates rates(o, appearance_spec(o), scene);
-    StepRequest r;
-    rates.apply(moment_at(o, 0), r);
-    EXPECT_NEAR(r.rates[0], 2 * 1.6e-4, 1e-7);
-    EXPECT_NEAR(r.noise, 5e5 * r.rates[0], 1e-2);
-    EXPECT_DOUBLE_EQ(r.rates[1], 0.005);
-    EXPECT_DOUBLE_EQ(r.rates[2], 0.001);
-    EXPECT_DOUBLE_EQ(r.rates[3], 0.05);
-    EXPECT_NEAR(r.rates[4], 0.000705237, 1e-9);
-    EXPECT_DOUBLE_EQ(r.rates[5], 0.000125);
-    rates.apply(moment_at(o, 29999), r);
-    EXPECT_NEAR(r.rates[0], 2 * 1.6e-6, 1e-12);
+    StepRates r = rates.at(moment_at(o, 0));
+    EXPECT_NEAR(r.groups[0], 2 * 1.6e-4, 1e-7);
+    EXPECT_NEAR(r.noise, 5e5 * r.groups[0], 1e-2);
+    EXPECT_DOUBLE_EQ(r.groups[1], 0.005);
+    EXPECT_DOUBLE_EQ(r.groups[2], 0.001);
+    EXPECT_DOUBLE_EQ(r.groups[3], 0.05);
+    EXPECT_NEAR(r.groups[4], 0.000705237, 1e-9);
+    EXPECT_DOUBLE_EQ(r.groups[5], 0.000125);
+    r = rates.at(moment_at(o, 29999));
+    EXPECT_NEAR(r.groups[0], 2 * 1.6e-6, 1e-12);
     TrainOptions adc;
     adc.source = "x";
     adc.strategy = Strategy::kAdc;
     adc = resolve(adc);
-    EXPECT_DOUBLE_EQ(adc.opacity_lr, 0.025);
-    LearningRates(adc, appearance_spec(adc), scene).apply(moment_at(adc, 0), r);
+    EXPECT_EQ(adc.opacity_lr, 0.025);
+    r = LearningRates(adc, appearance_spec(adc), scene).at(moment_at(adc, 0));
     EXPECT_EQ(r.noise, 0);
 }
 
@@ -768,11 +767,10 @@ TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
     o.source = "x";
     o.opacity_lr = automatic;
     o = resolve(o);
-    StepRequest r;
-    LearningRates(o, appearance_spec(o), scene).apply(moment_at(o, 0), r);
-    EXPECT_DOUBLE_EQ(r.rates[3], opacity_rate(automatic, camera_spacing(scene.train)));
-    EXPECT_GT(r.rates[3], 0.025);
-    EXPECT_LT(r.rates[3], 0.05);
+    StepRates r = LearningRates(o, appearance_spec(o), scene).at(moment_at(o, 0));
+    EXPECT_DOUBLE_EQ(r.groups[3], opacity_rate(automatic, camera_spacing(scene.train)));
+    EXPECT_GT(r.groups[3], 0.025);
+    EXPECT_LT(r.groups[3], 0.05);
 }
 
 /// Returns the degrees of the steps at the given iterations. All steps before them are taken, too, and the degree is

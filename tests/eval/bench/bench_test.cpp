@@ -55,9 +55,9 @@ class WatchedEngine : public test::ForwardingEngine {
     }
     void step(const StepRequest& request) override {
         steps += "s";
-        ids.insert(request.target.id);
-        largest_rate = std::max(largest_rate, *std::max_element(request.rates, request.rates + kNumGroups));
-        noise = request.noise;
+        ids.insert(request.target.id.view);
+        largest_rate = std::max(largest_rate, *std::ranges::max_element(request.rates.groups));
+        noise = request.rates.noise;
         background = request.background;
         ForwardingEngine::step(request);
     }
@@ -72,7 +72,7 @@ class WatchedEngine : public test::ForwardingEngine {
     }
 
     std::string steps;
-    std::set<std::int64_t> ids;
+    std::set<int> ids;
     double largest_rate = 0;
     float noise = 0;
     Vec3<float> background{};
@@ -91,7 +91,7 @@ TEST(Bench, TimesStepsInARowBeforeAnyMarksAndLeavesTheModelAsItIs) {
               "0s.0sss.1sss.)"
               "0s.0sss.1sss.)")
         << "warm-up, in a row, one by one, in passes, the same without residuals";
-    EXPECT_EQ(backend->ids, (std::set<std::int64_t>{0, 2, 5})) << "three of eight views, spread";
+    EXPECT_EQ(backend->ids, (std::set<int>{0, 2, 5})) << "three of eight views, spread";
     EXPECT_LT(backend->largest_rate, 1e-7);
     EXPECT_GT(backend->noise, 0) << "with noise the device has more to do";
     EXPECT_EQ(backend->background.z, 1);
