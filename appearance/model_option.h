@@ -14,12 +14,12 @@ namespace gs {
 struct ModelOption {
     std::string key;  ///< kebab-case, unique among all options of the program
     double default_value = 0;
-    double min = 0, max = 0;    ///< inclusive
-    bool is_whole = false;      ///< takes whole numbers only
-    bool is_rate = false;       ///< is listed with the learning rates instead of with the model
+    double min = 0, max = 0;      ///< inclusive
+    bool is_whole = false;        ///< takes whole numbers only
+    bool is_rate = false;         ///< is listed with the learning rates instead of with the model
     std::string unset_word = {};  ///< a word that may stand in place of a number; the value is then empty
-    std::string unit = {};      ///< empty for pure numbers
-    std::string help = {};      ///< what it does, one sentence
+    std::string unit = {};        ///< empty for pure numbers
+    std::string help = {};        ///< what it does, one sentence
 };
 
 /// Values of model options by key.

@@ -15,9 +15,9 @@
 #include "apps/gsapp/printing.h"
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/ranks/connect_devices.h"
-#include "lib/core/quantities.h"
 #include "lib/core/cpu_features.h"
 #include "lib/core/json_text.h"
+#include "lib/core/quantities.h"
 #include "lib/core/version.h"
 #include "lib/export/site.h"
 

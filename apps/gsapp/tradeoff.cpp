@@ -11,10 +11,10 @@
 #include "apps/gsapp/printing.h"
 #include "apps/gsapp/train/train_run.h"
 #include "eval/experiments/tradeoff_search.h"
-#include "lib/core/quantities.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/options_cli.h"
+#include "lib/core/quantities.h"
 
 namespace gs {
 namespace {
@@ -32,8 +32,8 @@ void run_tradeoff(const TrainOptions& base, const TradeoffArguments& arguments) 
     const auto begin = Clock::now();
     std::optional<Clock::time_point> deadline;
     if (!arguments.time_limit.empty())
-        deadline = begin + std::chrono::duration_cast<Clock::duration>(
-                               std::chrono::duration<double>(parse_duration(arguments.time_limit, "--time-limit").seconds));
+        deadline = begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+                               parse_duration(arguments.time_limit, "--time-limit").seconds));
     TradeoffPlan plan =
         plan_tradeoff(base, {.axes = arguments.axes,
                              .search = arguments.search == "grid" ? SearchKind::kGrid : SearchKind::kHalving,

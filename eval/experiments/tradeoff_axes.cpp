@@ -16,9 +16,9 @@
 #include "eval/experiments/cell.h"
 #include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
-#include "lib/core/quantities.h"
 #include "lib/core/nearest.h"
 #include "lib/core/options.h"
+#include "lib/core/quantities.h"
 #include "lib/train/choose_backend.h"
 
 namespace gs {

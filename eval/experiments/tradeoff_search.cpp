@@ -9,8 +9,8 @@
 #include <limits>
 #include <numeric>
 
-#include "lib/core/quantities.h"
 #include "lib/core/options.h"
+#include "lib/core/quantities.h"
 
 namespace gs {
 namespace {

@@ -12,8 +12,8 @@
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/whole_model.h"
-#include "lib/train/choose_backend.h"
 #include "lib/scene/scene.h"
+#include "lib/train/choose_backend.h"
 
 namespace gs {
 

@@ -20,8 +20,8 @@
 #include "lib/model/ppisp_json.h"
 #include "lib/model/run_folder.h"
 #include "lib/model/whole_model.h"
-#include "lib/train/choose_backend.h"
 #include "lib/scene/scene.h"
+#include "lib/train/choose_backend.h"
 #include "lib/train/sharded_backend.h"
 
 namespace gs {

@@ -162,8 +162,8 @@ void CudaEngine::loss_of_splats(const StepRequest& r, const SplatParts& splats, 
         const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
         enqueue_loss(r, target);
         enqueue_sums_of_splats(r, splats, bins);
-        report_view<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss_.sums(), r.loss.lambda_dssim, target.weight_sum,
-                                                        report);
+        report_view<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss_.sums(), r.loss.lambda_dssim,
+                                                        target.weight_sum, report);
         GS_CUDA_LAUNCHED("report_view");
     });
     wire_.placed = 0, wire_.splats_from = wire_.sums_from = 0;

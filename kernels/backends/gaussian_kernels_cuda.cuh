@@ -616,9 +616,9 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
 }
 
 template <class Model>
-void launch_step_on_views(const PreprocessArgs& args, const SplatsOfView* views, int num_views, const ModelArrays& arrays,
-                          const UpdateArgs& update, std::uint32_t step, const Verdict* verdict, unsigned* num_nonfinite,
-                          cudaStream_t stream) {
+void launch_step_on_views(const PreprocessArgs& args, const SplatsOfView* views, int num_views,
+                          const ModelArrays& arrays, const UpdateArgs& update, std::uint32_t step,
+                          const Verdict* verdict, unsigned* num_nonfinite, cudaStream_t stream) {
     constexpr int kBlock = views_block<Model>();
     static_assert(kBlock <= update_block<Model>());
     static_assert(kBlock / 32 * sizeof(WarpBytes<Model>) < 47 * 1024, "a block must fit into shared memory");

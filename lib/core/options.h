@@ -24,8 +24,8 @@ struct ModelOptionField {
 template <class... T> using FieldOf = std::variant<T TrainOptions::*..., ModelOptionField>;
 using OptionField = FieldOf<std::string, bool, int, std::optional<int>, std::int64_t, std::optional<std::int64_t>,
                             std::uint64_t, double, std::optional<double>, std::optional<Duration>, ByteCount,
-                            std::optional<ByteCount>, std::vector<std::int64_t>, Background, ScheduleKind, GrowthBy, Recipe,
-                            Preset, SizeOf, Strategy, Device, PpispMode, VerifyImages, MaskMode, AlphaMode,
+                            std::optional<ByteCount>, std::vector<std::int64_t>, Background, ScheduleKind, GrowthBy,
+                            Recipe, Preset, SizeOf, Strategy, Device, PpispMode, VerifyImages, MaskMode, AlphaMode,
                             AppearanceStorage, AppearanceMoments, Movers, ColorActivation>;
 
 /// Returns the value that `field` names in `options`.

@@ -64,7 +64,7 @@ struct ScheduleOptions {
 
 /// The largest model.
 struct LimitOptions {
-    std::int64_t cap_max = 1000000;   ///< Gaussians
+    std::int64_t cap_max = 1000000;       ///< Gaussians
     std::optional<ByteCount> size_limit;  ///< of the exported file
     SizeOf size_of = SizeOf::kWeb;
     std::optional<Duration> frame_limit;  ///< of a frame at 1280x720 on this device

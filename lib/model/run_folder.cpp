@@ -417,12 +417,13 @@ std::optional<std::int64_t> latest_saved(const fs::path& run_folder) {
 
 std::string cfg_args(const RunFolder& folder, const TrainOptions& options) {
     const auto flag = [](bool value) { return value ? "True" : "False"; };
-    return fmt::format("Namespace(data_device='cuda', eval={}, images={}, model_path={}, resolution={}, sh_degree={}, "
-                    "source_path={}, white_background={})",
-                    flag(options.eval), quoted(options.images), quoted(absolute_path(folder.root.string())),
-                    options.resolution.value_or(-1),
-                    appearance_model(options.appearance).plain_sh ? appearance_spec(options).max_degree : 0,
-                    quoted(absolute_path(options.source)), flag(options.background.always(1, 1, 1)));
+    return fmt::format(
+        "Namespace(data_device='cuda', eval={}, images={}, model_path={}, resolution={}, sh_degree={}, "
+        "source_path={}, white_background={})",
+        flag(options.eval), quoted(options.images), quoted(absolute_path(folder.root.string())),
+        options.resolution.value_or(-1),
+        appearance_model(options.appearance).plain_sh ? appearance_spec(options).max_degree : 0,
+        quoted(absolute_path(options.source)), flag(options.background.always(1, 1, 1)));
 }
 
 void write_input_points(const RunFolder& folder, const PointCloud& points, const Frame& frame) {

@@ -6,8 +6,8 @@
 
 #include "kernels/base/error.h"
 #include "kernels/cuda/cuda_device.h"
-#include "lib/core/quantities.h"
 #include "lib/core/log.h"
+#include "lib/core/quantities.h"
 
 namespace gs {
 

@@ -86,10 +86,10 @@ void Course::start(const TimeCosts& costs, std::int64_t count) {
     budget_->start(costs, moment_.iteration);
     const double least = used_ + limit_ - budget_->for_steps(count) + kLeastSeconds;
     if (moment_.iteration == 0 && limit_ < least)
-        throw UsageError(
-            fmt::format("option time-limit: {} is too short: saving {} Gaussians alone takes {:.2f} s here; the "
-                        "shortest limit is {:g}s",
-                        options_.time_limit->text(), count, limit_ - budget_->for_steps(count), std::ceil(20 * least) / 20));
+        throw UsageError(fmt::format(
+            "option time-limit: {} is too short: saving {} Gaussians alone takes {:.2f} s here; the "
+            "shortest limit is {:g}s",
+            options_.time_limit->text(), count, limit_ - budget_->for_steps(count), std::ceil(20 * least) / 20));
     first_iteration_ = moment_.iteration;
     const double position = kReferenceIterations * budget_->progress(count);
     moment_ = {moment_.iteration, position, position - 1};

@@ -8,8 +8,8 @@
 #include <cmath>
 
 #include "kernels/base/error.h"
-#include "lib/core/quantities.h"
 #include "lib/core/log.h"
+#include "lib/core/quantities.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
 
@@ -120,8 +120,8 @@ void ModelLimits::prune(Backend& backend) const {
         const double count = double(backend.count()), seconds = frame_seconds(backend);
         if (seconds <= frame_limit_) return;
         if (round == kPruneRounds) {
-            log_warning("frame limit {}: {} Gaussians still take {:.3g} ms", options_.frame_limit->text(), backend.count(),
-                        1e3 * seconds);
+            log_warning("frame limit {}: {} Gaussians still take {:.3g} ms", options_.frame_limit->text(),
+                        backend.count(), 1e3 * seconds);
             return;
         }
         // As if time were proportional to the number at first, then along the line through two measurements.

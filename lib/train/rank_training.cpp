@@ -12,8 +12,8 @@
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/core/version.h"
-#include "lib/train/choose_backend.h"
 #include "lib/scene/scene.h"
+#include "lib/train/choose_backend.h"
 #include "lib/train/sharded_backend.h"
 #include "lib/train/step_composer.h"
 #include "lib/train/training_views.h"
@@ -95,10 +95,10 @@ void follow_training(RankTeam& team, TrainOptions options) {
                 const auto image = trained->views.image_of_rank(request.target.id, request.iteration);
                 const TargetImage target = target_image(*image, request.target.id);
                 if (target.width != request.camera.width || target.height != request.camera.height)
-                    throw DataError(fmt::format(
-                        "the image {} has {}x{} pixels instead of {}x{}",
-                        trained->scene.train[std::size_t(request.target.id.view)].name,
-                        target.width, target.height, request.camera.width, request.camera.height));
+                    throw DataError(fmt::format("the image {} has {}x{} pixels instead of {}x{}",
+                                                trained->scene.train[std::size_t(request.target.id.view)].name,
+                                                target.width, target.height, request.camera.width,
+                                                request.camera.height));
                 request.target = target;
                 request.pixels = image;
             };

@@ -9,8 +9,8 @@
 #include <cmath>
 
 #include "appearance/model_info.h"
-#include "lib/core/quantities.h"
 #include "lib/core/log.h"
+#include "lib/core/quantities.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/densification.h"
 #include "lib/train/timeline.h"

@@ -15,8 +15,8 @@
 
 namespace gs {
 
-/// Returns how many ranks to start on this machine: options.ranks, or without a number as many as it has GPUs, which is 1
-/// where torchrun or Slurm started them. Throws UsageError for `device: cpu`, DeviceError where there is no GPU.
+/// Returns how many ranks to start on this machine: options.ranks, or without a number as many as it has GPUs, which is
+/// 1 where torchrun or Slurm started them. Throws UsageError for `device: cpu`, DeviceError where there is no GPU.
 int num_local_ranks(const TrainOptions& options);
 
 /// Gives each rank of a machine a GPU of its own, where `device` is one. Does nothing where there is none. Throws
@@ -51,7 +51,8 @@ void put_targets(MessageWriter& message, const std::vector<Image>& targets);
 /// Returns the choices in which the ranks of a command must agree: the build and the command's name.
 std::string started_as(const std::string& command);
 
-/// Returns the number of views of a step: `batch`, or without a number one for each rank. `team` is null for a process alone.
+/// Returns the number of views of a step: `batch`, or without a number one for each rank. `team` is null for a process
+/// alone.
 int views_of_step(const std::optional<int>& batch, const RankTeam* team);
 
 /// Returns the CPU threads of a rank that may use `wanted` (0: all that its machine has, shared out).

@@ -11,10 +11,10 @@
 #include "kernels/base/clock.h"
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
-#include "lib/core/quantities.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
+#include "lib/core/quantities.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"
 #include "lib/scene/camera_params.h"
@@ -159,7 +159,8 @@ class Run {
                 std::max(1.0, limits_.view_seconds(*backend_) / limits_.view_seconds(*backend_, course_.reduction()));
         course_.start(costs, count);
         keep_time_for_controllers();
-        if (course_.finished()) log_warning("time limit {}: it is used up: nothing is trained", length_.time_limit->text());
+        if (course_.finished())
+            log_warning("time limit {}: it is used up: nothing is trained", length_.time_limit->text());
         log_debug(
             "time limit {}: saving takes about {:.2f} s for {} Gaussians; growth ends when fewer than {} steps would "
             "remain",

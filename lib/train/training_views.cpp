@@ -109,8 +109,7 @@ ImageCache& TrainingViews::images_of(int factor) {
                 return resized(ViewImage(*images_.get(k)), width, height);
             };
         }
-        found = std::make_unique<Reduced>(std::move(views), cache_.count,
-                                          decode_threads(device_));
+        found = std::make_unique<Reduced>(std::move(views), cache_.count, decode_threads(device_));
     }
     return found->images;
 }

@@ -214,7 +214,8 @@ TEST(Options, ByteSizesAreParsed) {
     EXPECT_EQ(complaint("image-cache", "512MiB"), "");
     for (const char* key : {"image-cache", "size-limit"}) {
         for (const char* bad : {"lots", "-5MB", "5XB"})
-            EXPECT_NE(complaint(key, bad).find(std::string("--") + key + ": byte size '" + bad), std::string::npos) << bad;
+            EXPECT_NE(complaint(key, bad).find(std::string("--") + key + ": byte size '" + bad), std::string::npos)
+                << bad;
     }
 }
 

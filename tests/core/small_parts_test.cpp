@@ -11,12 +11,12 @@
 #include <vector>
 
 #include "kernels/base/error.h"
-#include "lib/core/quantities.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/nearest.h"
 #include "lib/core/process.h"
+#include "lib/core/quantities.h"
 #include "lib/core/utf8.h"
 #include "lib/core/version.h"
 #include "tests/core/temporary_folder.h"
@@ -37,8 +37,8 @@ TEST(Bytes, UnitsAreBinaryOrDecimal) {
 }
 
 TEST(Bytes, NonsenseIsAUsageErrorNamingIt) {
-    for (const char* text : {"", "GiB", "-1", "7", "123", "4 apples", "4GiBs", "1e9999", "1e30GiB", "nan", "inf", "1,5G",
-                             "99999999999TiB", "4kb5"}) {
+    for (const char* text : {"", "GiB", "-1", "7", "123", "4 apples", "4GiBs", "1e9999", "1e30GiB", "nan", "inf",
+                             "1,5G", "99999999999TiB", "4kb5"}) {
         try {
             parse_bytes(text, "");
             ADD_FAILURE() << text << " was accepted";

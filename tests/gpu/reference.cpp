@@ -413,7 +413,8 @@ template <class Model> class Sample {
             gaussian_backward<Model>(scene_.view(), i, scene_.camera, scene_.degree, sums, g, residual,
                                      static_cast<Noisy*>(nullptr));
         const Noisy opacity = sigmoid(Noisy(model[Group::kOpacity].param[i])), n{double(model.count)};
-        g.geometry.raw_opacity = g.geometry.raw_opacity + Noisy(r.loss.opacity_reg) / n * opacity * (Noisy(1) - opacity);
+        g.geometry.raw_opacity =
+            g.geometry.raw_opacity + Noisy(r.loss.opacity_reg) / n * opacity * (Noisy(1) - opacity);
         const auto scale = [&](int k) {
             return Noisy(r.loss.scale_reg) / (Noisy(3) * n) *
                    gs_exp(gs::gs_min(Noisy(model[Group::kScale].param[3 * i + k]), Noisy(kMaxLogScale)));
@@ -460,7 +461,8 @@ template <class Model> StepReference double_step(const Gaussians& model, const S
         gradients[Group::kOpacity].param[i] += double(r.loss.opacity_reg) / n * opacity * (1 - opacity);
         for (int k = 0; k < 3; ++k)
             gradients[Group::kScale].param[3 * i + k] +=
-                double(r.loss.scale_reg) / (3 * n) * std::exp(std::min(d[Group::kScale].param[3 * i + k], kMaxLogScale));
+                double(r.loss.scale_reg) / (3 * n) *
+                std::exp(std::min(d[Group::kScale].param[3 * i + k], kMaxLogScale));
         typename CpuRasterizer<double, Model>::FullGradient g;
         pipe.raster.gaussian_gradient(view, i, g, ignored.data());
         out.statistic.push_back({std::hypot(0.5 * r.camera.width * g.mean2d.x, 0.5 * r.camera.height * g.mean2d.y), 0});

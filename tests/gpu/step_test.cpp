@@ -174,7 +174,8 @@ TEST(LazyAdam, MissedStepsEqualPlainAdam) {
         cpu->upload(state), gpu->upload(state);
         for (int k = 0; k < steps; ++k) {
             StepRequest r = narrow;
-            r.rates.groups[int(Group::kResidual)] = 1e-3 * (1 + 0.5 * (k % 5));  // the rate may change from step to step
+            r.rates.groups[int(Group::kResidual)] =
+                1e-3 * (1 + 0.5 * (k % 5));  // the rate may change from step to step
             cpu->step(r), gpu->step(r);
         }
         const Gaussians a = cpu->download(true), b = gpu->download(true);

@@ -119,7 +119,8 @@ void expect_missed_steps(Backend& backend, const RankViews& views, std::size_t n
         for (auto& group : older.groups)
             for (float& v : group.v) v = float(v * decay);
         auto steps = noisy_steps(false);
-        for (StepRequest& r : steps) r.loss.opacity_reg *= turns, r.loss.scale_reg *= turns, r.rates.noise *= std::sqrt(turns);
+        for (StepRequest& r : steps)
+            r.loss.opacity_reg *= turns, r.loss.scale_reg *= turns, r.rates.noise *= std::sqrt(turns);
         backend.upload(older);
         take(steps);
         const Gaussians want = backend.download(true);

@@ -158,7 +158,7 @@ TEST(Schedules, ShortRunsHaveHigherRatesIfAsked) {
         return LearningRates(o, appearance_spec(o), scene).at(moment_at(o, 0));
     };
     const StepRates plain = first_step(1000, 0, 0), higher = first_step(1000, 0.5, 0),
-                      longer = first_step(10000, 0.5, 0);
+                    longer = first_step(10000, 0.5, 0);
     for (int g = 0; g < kNumGroups; ++g) {
         // The means' rate falls with the position of the step's end, which is the same.
         EXPECT_NEAR(higher.groups[g] / plain.groups[g], std::sqrt(10.0), 1e-6) << kGroupNames[g];
@@ -404,7 +404,8 @@ TEST(TimeEstimate, GrowthMakesIterationsLonger) {
     EXPECT_GT(grown, 8 * still);
     EXPECT_LT(grown, 10 * still);
     EXPECT_NEAR(estimate_seconds(o, o, {0, 1, 100000, 1e9}, 1000000), still, 0.01 * still);
-    EXPECT_NEAR(estimate_seconds(o, o, {0, 1, 100000, 0}, 1000), still, 1e-6) << "an initial model above the cap is kept";
+    EXPECT_NEAR(estimate_seconds(o, o, {0, 1, 100000, 0}, 1000), still, 1e-6)
+        << "an initial model above the cap is kept";
 }
 
 TEST(TimeEstimate, CoarseStepsAreNoMeasureOfFullImages) {

@@ -188,8 +188,7 @@ class ExposedEngine : public test::ForwardingEngine {
     Gaussians download(Download) override {
         Gaussians model;
         model.ppisp = identity_ppisp(40, 1);
-        for (std::size_t k = 0; k < 40; ++k)
-            model.ppisp.param[k * kIspFrameValues] = exposures_[k % exposures_.size()];
+        for (std::size_t k = 0; k < 40; ++k) model.ppisp.param[k * kIspFrameValues] = exposures_[k % exposures_.size()];
         return model;
     }
 

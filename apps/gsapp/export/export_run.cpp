@@ -35,8 +35,8 @@
 #include "lib/model/whole_model.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/frame.h"
-#include "lib/train/choose_backend.h"
 #include "lib/scene/scene.h"
+#include "lib/train/choose_backend.h"
 
 namespace gs {
 namespace {

@@ -9,9 +9,9 @@
 
 #include "appearance/model_info.h"
 #include "kernels/base/error.h"
-#include "lib/core/quantities.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
+#include "lib/core/quantities.h"
 #include "lib/export/ngsplat.h"
 #include "lib/export/pack_scene.h"
 #include "lib/model/appearance_spec.h"
@@ -67,7 +67,7 @@ std::optional<double> loss_of_iterations(const Plan& plan, const TrainOptions& o
 /// --time-limit comes closer)".
 std::string loss_words(double loss, const TrainOptions& options) {
     const bool short_preset = options.preset == Preset::kFast || options.preset == Preset::kBalanced;
-    const char* option = options.time_limit                             ? "a longer --time-limit comes"
+    const char* option = options.time_limit                                      ? "a longer --time-limit comes"
                          : short_preset && !options.named.contains("iterations") ? "--preset best comes"
                                                                                  : "more --iterations come";
     return fmt::format("{} below a training of any length ({} closer)", about(loss), option);
@@ -94,8 +94,8 @@ void plan_the_time(Plan& plan, const TrainOptions& options) {
             duration_text(seconds), options.cap_max, iterations, cost));
         plan.json["time"] = {{"limit_seconds", seconds}};
     } else {
-        plan.lines.push_back(fmt::format("time: no limit, {}{} iterations{}", options.target_psnr ? "at most " : "",
-                                         iterations, cost));
+        plan.lines.push_back(
+            fmt::format("time: no limit, {}{} iterations{}", options.target_psnr ? "at most " : "", iterations, cost));
         plan.json["iterations"] = iterations;
     }
     if (loss) plan.json["estimated_loss"]["length"]["planned"] = *loss;
@@ -198,8 +198,8 @@ SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
 
 Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out) {
     Plan plan;
-    if (!options.time_limit && !options.size_limit && !options.frame_limit &&
-        !options.target_psnr && options.preset == Preset::kNone)
+    if (!options.time_limit && !options.size_limit && !options.frame_limit && !options.target_psnr &&
+        options.preset == Preset::kNone)
         return plan;
     plan.json = nlohmann::ordered_json::object();
     plan.num_views = scene.train.size();
@@ -246,8 +246,8 @@ std::string training_words(const Plan& plan, const TrainOptions& options) {
 void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& summary) {
     if (plan.json.is_null()) return;
     if (summary.limited_seconds > 0) {
-        log_debug("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving", options.time_limit->text(),
-                  summary.limited_seconds, summary.saving_seconds);
+        log_debug("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving",
+                  options.time_limit->text(), summary.limited_seconds, summary.saving_seconds);
         plan.json["time"]["seconds"] = summary.limited_seconds;
         plan.json["time"]["saving_seconds"] = summary.saving_seconds;
     }
@@ -256,14 +256,14 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
         size.share = std::min(size.share, summary.residual_share);
         const std::int64_t bytes = size.bytes(summary.num_gaussians);
         const double use = double(bytes) / double(plan.size->limit);
-        log_info("size limit {}: {} Gaussians make a file of {} ({:.0f} %)", options.size_limit->text(), summary.num_gaussians,
-                 megabytes(bytes), 100 * use);
+        log_info("size limit {}: {} Gaussians make a file of {} ({:.0f} %)", options.size_limit->text(),
+                 summary.num_gaussians, megabytes(bytes), 100 * use);
         const bool small_enough = summary.target && summary.target->reached;  // on purpose
         if (!small_enough && summary.num_gaussians < std::min(plan.size->most_gaussians, options.cap_max) &&
             use < kLeastUse)
             log_warning("size limit {}: only {:.0f} % of it is used{}", options.size_limit->text(), 100 * use,
                         !options.time_limit ? ": in these --iterations the model did not grow further"
-                                                   : ": the time limit does not afford more Gaussians");
+                                            : ": the time limit does not afford more Gaussians");
         plan.json["size"]["bytes"] = bytes;
     }
     if (summary.target) {

@@ -19,22 +19,22 @@
 #include "kernels/base/clock.h"
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
-#include "lib/core/quantities.h"
 #include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/core/progress.h"
+#include "lib/core/quantities.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/cameras_json.h"
+#include "lib/scene/scene.h"
 #include "lib/scene/verify_images.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/rank_training.h"
 #include "lib/train/residual_share.h"
-#include "lib/scene/scene.h"
 
 namespace gs {
 namespace {
@@ -216,8 +216,8 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     // stays as it is.
     LoadRules rules{.scores = options.eval};
     if (!options.resume.empty()) rules.frame = checkpoint_frame(options);
-    Scene scene = options.resume.empty() ? load_scene(options, rules)
-                                         : load_run_scene(resumed_run(options), options, rules);
+    Scene scene =
+        options.resume.empty() ? load_scene(options, rules) : load_run_scene(resumed_run(options), options, rules);
     std::string cameras = cameras_json(scene);
     Progress progress(progress_style(options.quiet, options.json));
     verify(options, scene, progress);

@@ -9,8 +9,8 @@
 #include "eval/auto/find_appearance.h"
 #include "kernels/base/clock.h"
 #include "lib/core/options.h"
-#include "lib/train/rehearsal.h"
 #include "lib/scene/scene.h"
+#include "lib/train/rehearsal.h"
 
 namespace gs {
 namespace {
