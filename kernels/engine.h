@@ -110,9 +110,9 @@ class StepEngine {
     virtual void loss_of_splats(const StepRequest& request, const SplatParts& splats,
                                 const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient,
                                 ViewReport* report) = 0;
-    /// Judges the step whose views `reports` are on, (ranks, views) by all ranks (verdict_on), and takes the step of
-    /// the engine's Gaussians if that says so, on the mean gradient of `views`, of which `projected` and `sums` hold
-    /// the splats that were projected and what was computed of them. Counts it in any case. A device judges when it
+    /// Decides on the step whose views `reports` are on, (ranks, views) by all ranks (decide_step), and takes the step
+    /// of the engine's Gaussians if that says so, on the mean gradient of `views`, of which `projected` and `sums` hold
+    /// the splats that were projected and what was computed of them. Counts it in any case. A device decides when it
     /// comes there, may still be at work when the function returns, and takes part in no step from one on that has to
     /// be repeated until take_back(). `num_gaussians` counts those of all ranks. Writes the gradient of the shared
     /// weights by the engine's Gaussians, shared_row() values, which mean nothing in a step that is not taken.
@@ -124,7 +124,7 @@ class StepEngine {
     /// shared_row()) are those of all ranks, which are added up in their order.
     virtual void update_shared_weights(const std::vector<StepRequest>& views,
                                        const DeviceArray<float>& shared_gradients) = 0;
-    /// Waits for the oldest judgement that was not read yet, and returns the reports that it was made on. `ids` are the
+    /// Waits for the oldest decision that was not read yet, and returns the reports on which it was made. `ids` are the
     /// targets' of its views, of which rank k modulo the number of ranks has rendered the k-th. Where that is `rank`,
     /// this engine, it has room for the view's instances then.
     virtual std::vector<ViewReport> read_reports(const std::vector<ImageId>& ids, int rank) = 0;

@@ -41,7 +41,7 @@ void run_tradeoff(const TrainOptions& base, const TradeoffArguments& arguments) 
                              .give_up = arguments.give_up});
     for (const std::string& remark : plan.tradeoff.remarks) log_warning("{}", remark);
     catch_interrupts();
-    const CellsSummary summary = search_tradeoff(plan, deadline);
+    const JobsSummary summary = search_tradeoff(plan, deadline);
     const std::vector<TradeoffRun>& runs = plan.tradeoff.runs;
     std::fputs((arguments.json ? tradeoff_json(plan.tradeoff) : format_tradeoff(plan.tradeoff, stdout_style())).c_str(),
                stdout);

@@ -20,7 +20,7 @@
 #include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/model_limits.h"
-#include "lib/train/rehearsal.h"
+#include "lib/train/trial_training.h"
 
 namespace gs {
 namespace {
@@ -132,7 +132,7 @@ struct Deadline {
 };
 
 /// Trains and measures until all models had their trial or the time is up.
-Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& stage,
+Trials run_trials(TrialTraining& trial, const Gaussians& begun, const Stage& stage,
                   const std::vector<Photograph>& held_out, const Deadline& deadline) {
     const TrainOptions& options = stage.options;
     const std::int64_t iterations = iterations_of(options, kTrialShare);
@@ -144,14 +144,14 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
         if (!trials.finished.empty())
             iteration = trials.finished[choose_appearance(trials.finished, options.auto_tolerance).chosen].seconds;
         const double left = deadline.left(options.iterations, iteration);
-        std::optional<Rehearsed> r;
-        if (last <= left) r = rehearsal.continue_with(begun, spec, iterations, left);  // later models are not faster
+        std::optional<TrialResult> r;
+        if (last <= left) r = trial.continue_with(begun, spec, iterations, left);  // later models are not faster
         if (!r) {
             trials.unfinished.push_back(spec.model);
             continue;
         }
         // Held-out views have no exposure of their own: what the correction will take care of is not counted.
-        const double psnr = mean_psnr(*r->backend, held_out, rehearsal.background(), options.ppisp == PpispMode::kOn);
+        const double psnr = mean_psnr(*r->backend, held_out, trial.background(), options.ppisp == PpispMode::kOn);
         trials.finished.push_back({spec.model, bytes_of(spec), r->seconds / double(iterations), psnr});
         last = seconds_now() - trial_start;
     }
@@ -185,14 +185,14 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
         measured.seconds = seconds_now() - deadline.start;
         return measured;
     }
-    Rehearsal rehearsal(stage.options, stage.scene);
+    TrialTraining trial(stage.options, stage.scene);
     measured.plain_bytes = bytes_of(appearance_spec(stage.options));
     measured.image_width = stage.scene.train.front().camera.width,
     measured.image_height = stage.scene.train.front().camera.height;
-    const Rehearsed plain = rehearsal.begin(measured.warm_up_iterations);
+    const TrialResult plain = trial.begin(measured.warm_up_iterations);
     const std::vector<Photograph> seen =
-        load_photographs(stage.scene.train, rehearsal.background(), [&](std::size_t k) { return rehearsal.image(k); });
-    const std::vector<Photograph> held_out = load_photographs(stage.held_out, rehearsal.background());
+        load_photographs(stage.scene.train, trial.background(), [&](std::size_t k) { return trial.image(k); });
+    const std::vector<Photograph> held_out = load_photographs(stage.held_out, trial.background());
     measured.num_held_out = held_out.size();
     if (seen.empty() || held_out.empty()) {
         measured.obstacle = Obstacle::kMasks;
@@ -200,10 +200,10 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
         return measured;
     }
     const auto positions = make_backend(options.device, plain_sh_appearance(0), backend_options(options));
-    measured.parts = residual_parts(*plain.backend, *positions, seen, held_out, rehearsal.background());
+    measured.parts = residual_parts(*plain.backend, *positions, seen, held_out, trial.background());
     if (with_trials && needs_trials(measured.parts, options.auto_tolerance)) {
         deadline.slower = slowdown(options, stage, plain.backend->count());
-        Trials trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, deadline);
+        Trials trials = run_trials(trial, plain.backend->download(false), stage, held_out, deadline);
         measured.trials = std::move(trials.finished), measured.unfinished = std::move(trials.unfinished);
         if (measured.trials.empty()) measured.obstacle = Obstacle::kLate;
     }

@@ -42,7 +42,8 @@ class Steps {
 
     void step() {
         const std::size_t k = next_++ % views_.size();
-        backend_.step(composer_.compose({views_[k], images_[k], background_}, Moment{iteration_, double(iteration_)}));
+        backend_.step(
+            composer_.compose({views_[k], images_[k], background_}, ScheduleMoment{iteration_, double(iteration_)}));
         ++iteration_;
     }
 

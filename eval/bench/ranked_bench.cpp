@@ -154,7 +154,7 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
             const std::size_t view = std::size_t(iteration) % images.size();
             views.push_back(
                 composer.compose({view, backend->needs_pixels(k) ? images[view] : nullptr, options.background.color},
-                                 Moment{iteration, double(iteration)}));
+                                 ScheduleMoment{iteration, double(iteration)}));
         }
         StepComposer::combine(views);
         backend->step_on(views);

@@ -73,7 +73,7 @@ std::vector<Row> rows_of(const std::string& suite) {
 using Json = nlohmann::ordered_json;
 
 Json json_of(const SuiteLine& line) {
-    Json json = {{"row", line.row}, {"appearance", line.appearance}, {"run", line.cell.options.model}};
+    Json json = {{"row", line.row}, {"appearance", line.appearance}, {"run", line.job.options.model}};
     json["status"] = line.result ? "finished" : line.error.empty() ? "not trained" : "failed";
     if (!line.error.empty()) json["error"] = line.error;
     if (!line.result) return json;
@@ -107,17 +107,17 @@ std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<s
 }
 
 SuiteRun run_suite(const std::string& suite, const std::vector<std::string>& appearances, TrainOptions base,
-                   const CellsRunner& run) {
+                   const JobsRunner& run) {
     if (base.model.empty())
         base.model = (std::filesystem::path("output") / (scene_name(base.source) + "-" + suite)).string();
     if (!base.resume.empty())
         throw UsageError("suite: runs are not resumed; the same command again trains those that are missing");
     SuiteRun done{base.model, suite_lines(suite, appearances, base), {}};
     if (done.lines.empty()) throw UsageError("--appearances: no appearance model named");
-    std::vector<Cell> cells;
-    for (const SuiteLine& line : done.lines) cells.push_back(line.cell);
+    std::vector<Job> jobs;
+    for (const SuiteLine& line : done.lines) jobs.push_back(line.job);
     write_suite(done.folder, suite, done.lines);
-    done.summary = run(cells, {.done = [&](std::size_t k, const CellOutcome& outcome) {
+    done.summary = run(jobs, {.done = [&](std::size_t k, const JobOutcome& outcome) {
                            done.lines[k].result = outcome.result, done.lines[k].error = outcome.error;
                            write_suite(done.folder, suite, done.lines);
                        }});
@@ -135,7 +135,7 @@ std::string format_suite(const std::vector<SuiteLine>& lines, TableStyle style) 
                                   line.error.empty() ? "not trained" : "failed: " + one_line(line.error));
             continue;
         }
-        const CellResult& r = *line.result;
+        const JobResult& r = *line.result;
         table.lines.push_back({{line.row},
                                {line.appearance},
                                {fmt::format("{:.2f}", r.psnr)},
@@ -152,7 +152,7 @@ std::string format_suite(const std::vector<SuiteLine>& lines, TableStyle style) 
 
 std::string suite_json(const std::string& suite, const std::vector<SuiteLine>& lines) {
     Json json = {{"suite", suite},
-                 {"scene", lines.empty() ? "" : lines.front().cell.options.source},
+                 {"scene", lines.empty() ? "" : lines.front().job.options.source},
                  {"program", version_text()},
                  {"runs", Json::array()}};
     for (const SuiteLine& line : lines) json["runs"].push_back(json_of(line));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The suites of `gsapp bench suite`: the cells that each is made of, their training, one after another or one on each
+// The suites of `gsapp bench suite`: the jobs that each is made of, their training, one after another or one on each
 // GPU, and the table over them, written after each.
 #pragma once
 
@@ -8,19 +8,19 @@
 #include <string>
 #include <vector>
 
-#include "eval/experiments/cell.h"
-#include "eval/experiments/cell_runner.h"
+#include "eval/experiments/job.h"
+#include "eval/experiments/job_runner.h"
 #include "eval/pages/text_table.h"
 
 namespace gs {
 
-/// One cell of a suite as a line of its table.
+/// One job of a suite as a line of its table.
 struct SuiteLine {
     std::string row;  ///< what the suite varies: "MCMC 0.1x", "softplus, opacity rate auto"
     std::string appearance;
-    Cell cell;
-    std::optional<CellResult> result = {};
-    std::string error = {};  ///< why there is no result; empty: the cell was not reached
+    Job job;
+    std::optional<JobResult> result = {};
+    std::string error = {};  ///< why there is no result; empty: the job was not reached
 };
 
 /// Returns the names of the suites.
@@ -29,13 +29,13 @@ struct SuiteLine {
 std::vector<std::string> suite_names();
 
 /// Returns the lines of a suite without results: all rows of the first appearance, then all of the second. `base` is
-/// not validated, so that every cell decides what "0 or -1 = by strategy" means by its own strategy. What the suite
+/// not validated, so that every job decides what "0 or -1 = by strategy" means by its own strategy. What the suite
 /// varies is overwritten, and `eval` is on. Folders are <base.model>/<row>-<appearance>. Throws UsageError for an
 /// unknown suite, and where validate does.
 std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<std::string>& appearances,
                                    const TrainOptions& base);
 
-/// Returns a table, one line a cell with a result, and a list of the other cells.
+/// Returns a table, one line a job with a result, and a list of the other jobs.
 std::string format_suite(const std::vector<SuiteLine>& lines, TableStyle style = TableStyle::kMarkdown);
 
 /// Returns all figures as JSON.
@@ -44,18 +44,18 @@ std::string suite_json(const std::string& suite, const std::vector<SuiteLine>& l
 /// Writes suite.md and suite.json to the folder, each atomically. Throws DataError.
 void write_suite(const std::filesystem::path& folder, const std::string& suite, const std::vector<SuiteLine>& lines);
 
-/// A suite after its cells were trained.
+/// A suite after its jobs were trained.
 struct SuiteRun {
-    std::filesystem::path folder;  ///< holds suite.md, suite.json and the cells' folders
+    std::filesystem::path folder;  ///< holds suite.md, suite.json and the jobs' folders
     std::vector<SuiteLine> lines;
-    CellsSummary summary;
+    JobsSummary summary;
 };
 
-/// Trains the cells of a suite that its folder `base.model` (empty: output/<scene>-<suite>) does not hold yet, and
+/// Trains the jobs of a suite that its folder `base.model` (empty: output/<scene>-<suite>) does not hold yet, and
 /// writes suite.md and suite.json after each. `base` as for suite_lines. A run that fails does not stop the others: the
 /// summary tells. Throws UsageError for mistakes in the arguments, before anything is written, and what write_suite and
 /// `run` throw. Call catch_interrupts() before.
 SuiteRun run_suite(const std::string& suite, const std::vector<std::string>& appearances, TrainOptions base,
-                   const CellsRunner& run = run_cells);
+                   const JobsRunner& run = run_jobs);
 
 }  // namespace gs

@@ -45,7 +45,7 @@ constexpr double kSame = 0.05;  ///< costs that differ by a smaller share count 
 std::vector<Objectives> objectives(const Tradeoff& tradeoff, const std::vector<std::size_t>& runs) {
     std::vector<Objectives> points;
     for (const std::size_t k : runs) {
-        const CellResult& r = *tradeoff.runs[k].result;
+        const JobResult& r = *tradeoff.runs[k].result;
         points.push_back({-quality_of(r, tradeoff.quality), r.train_seconds, r.frame_seconds, double(r.bytes)});
     }
     return points;
@@ -69,8 +69,8 @@ class Recommender {
 
     std::vector<Recommendation> recommend() const {
         if (front_.empty()) return {};
-        const auto bytes = [](const CellResult& r) { return double(r.bytes); };
-        const auto frame = [](const CellResult& r) { return r.frame_seconds; };
+        const auto bytes = [](const JobResult& r) { return double(r.bytes); };
+        const auto frame = [](const JobResult& r) { return r.frame_seconds; };
         const std::size_t smallest = least(bytes), fastest = least(frame), best = front_.front();
         std::vector<std::string> given_up;
         if (smallest != best)
@@ -87,7 +87,7 @@ class Recommender {
     }
 
   private:
-    const CellResult& result(std::size_t k) const { return *tradeoff_.runs[k].result; }
+    const JobResult& result(std::size_t k) const { return *tradeoff_.runs[k].result; }
     double quality(std::size_t k) const { return quality_of(result(k), tradeoff_.quality); }
 
     /// Returns the run of least cost among those near enough to the best in quality, or a better one that costs about
@@ -103,7 +103,7 @@ class Recommender {
     }
 
     std::string described(std::size_t k) const {
-        const CellResult& r = result(k);
+        const JobResult& r = result(k);
         return fmt::format("{} ({}, {}, {} FPS, trained in {})",
                            configuration_name(tradeoff_.axes, tradeoff_.runs[k].configuration),
                            quality_text(quality(k), tradeoff_.quality), bytes_text(r.bytes), fps_text(r),
@@ -118,7 +118,7 @@ class Recommender {
     std::string against_best(std::size_t k, const std::string& adjective) const {
         const std::size_t best = front_.front();
         if (k == best) return "the best itself; " + nothing_is(adjective);
-        const CellResult &own = result(k), &other = result(best);
+        const JobResult &own = result(k), &other = result(best);
         return fmt::format("{}; gives up {} against the best, and is {}, {}, {}", described(k),
                            loss_text(quality(best) - quality(k), tradeoff_.quality),
                            compared(double(own.bytes), double(other.bytes), "smaller", "larger", "about as large"),
@@ -178,7 +178,7 @@ std::vector<std::size_t> better_half(const std::vector<Objectives>& points) {
 
 std::string quality_name(Quality quality) { return quality == Quality::kPsnr ? "PSNR" : "SSIM"; }
 
-double quality_of(const CellResult& result, Quality quality) {
+double quality_of(const JobResult& result, Quality quality) {
     return quality == Quality::kPsnr ? result.psnr : result.ssim;
 }
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/experiments/cell.h"
+#include "eval/experiments/job.h"
 #include "eval/experiments/tradeoff_axes.h"
 #include "eval/pages/text_table.h"
 
@@ -37,8 +37,8 @@ enum class RunState { kNotReached, kFinished, kFailed, kStopped, kNoTime };
 struct TradeoffRun {
     Configuration configuration;
     RunState state = RunState::kNotReached;
-    std::optional<CellResult> result = {};  ///< where finished
-    std::string error = {};                 ///< where failed
+    std::optional<JobResult> result = {};  ///< where finished
+    std::string error = {};                ///< where failed
 };
 
 struct Tradeoff {
@@ -52,7 +52,7 @@ struct Tradeoff {
 
 /// Returns "PSNR" or "SSIM".
 std::string quality_name(Quality quality);
-double quality_of(const CellResult& result, Quality quality);
+double quality_of(const JobResult& result, Quality quality);
 
 /// The indices of the finished runs, each list by falling quality.
 struct Ranking {

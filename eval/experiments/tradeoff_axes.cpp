@@ -13,7 +13,7 @@
 #include <sstream>
 
 #include "eval/bench/precision.h"
-#include "eval/experiments/cell.h"
+#include "eval/experiments/job.h"
 #include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/core/nearest.h"

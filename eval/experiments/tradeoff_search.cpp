@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rounds of a search, expected times, and which cell is worth starting in the time that is left.
+// The rounds of a search, expected times, and which job is worth starting in the time that is left.
 #include "eval/experiments/tradeoff_search.h"
 
 #include <fmt/format.h>
@@ -19,14 +19,14 @@ using Clock = std::chrono::steady_clock;
 
 class Search {
   public:
-    Search(TradeoffPlan& plan, std::optional<Clock::time_point> deadline, const CellsRunner& run_cells)
+    Search(TradeoffPlan& plan, std::optional<Clock::time_point> deadline, const JobsRunner& run_jobs)
         : tradeoff_(plan.tradeoff),
           rounds_(plan.rounds),
           folder_(plan.folder),
           deadline_(deadline),
-          run_cells_(run_cells) {}
+          run_jobs_(run_jobs) {}
 
-    CellsSummary run() {
+    JobsSummary run() {
         std::vector<std::size_t> chosen(rounds_[0].size());  // indices within a round
         std::iota(chosen.begin(), chosen.end(), std::size_t(0));
         for (std::size_t r = 0; r < rounds_.size(); ++r) {
@@ -57,17 +57,17 @@ class Search {
   private:
     /// Trains the runs from `first` on.
     void train(std::size_t first) {
-        std::vector<Cell> cells;
+        std::vector<Job> jobs;
         for (std::size_t k = first; k < tradeoff_.runs.size(); ++k) {
             const Configuration& configuration = tradeoff_.runs[k].configuration;
-            cells.push_back({configuration_name(tradeoff_.axes, configuration), configuration.options});
+            jobs.push_back({configuration_name(tradeoff_.axes, configuration), configuration.options});
         }
         write_tradeoff(folder_, tradeoff_);
-        CellHooks hooks;
+        JobHooks hooks;
         hooks.deadline = deadline_;
-        hooks.choose = [&](const std::vector<std::size_t>& pending) { return choose(pending, cells); };
-        hooks.done = [&](std::size_t k, const CellOutcome& outcome) { finish(tradeoff_.runs[first + k], outcome); };
-        const CellsSummary summary = run_cells_(cells, hooks);
+        hooks.choose = [&](const std::vector<std::size_t>& pending) { return choose(pending, jobs); };
+        hooks.done = [&](std::size_t k, const JobOutcome& outcome) { finish(tradeoff_.runs[first + k], outcome); };
+        const JobsSummary summary = run_jobs_(jobs, hooks);
         if (summary_.num_failed == 0) summary_.first_code = summary.first_code;
         summary_.num_failed += summary.num_failed;
         summary_.interrupted = summary.interrupted;
@@ -76,16 +76,16 @@ class Search {
             if (tradeoff_.runs[k].state == RunState::kNotReached) tradeoff_.runs[k].state = RunState::kNoTime;
     }
 
-    /// Returns the first pending cell that is expected to end in time.
-    std::optional<std::size_t> choose(const std::vector<std::size_t>& pending, const std::vector<Cell>& cells) const {
+    /// Returns the first pending job that is expected to end in time.
+    std::optional<std::size_t> choose(const std::vector<std::size_t>& pending, const std::vector<Job>& jobs) const {
         if (!deadline_) return pending.front();
         const double left = std::chrono::duration<double>(*deadline_ - Clock::now()).count();
         for (const std::size_t k : pending)
-            if (time_plan_.fits(cells[k].options, left)) return k;
+            if (time_plan_.fits(jobs[k].options, left)) return k;
         return std::nullopt;
     }
 
-    void finish(TradeoffRun& run, const CellOutcome& outcome) {
+    void finish(TradeoffRun& run, const JobOutcome& outcome) {
         run.result = outcome.result;
         run.error = outcome.error;
         if (outcome.result)
@@ -97,16 +97,16 @@ class Search {
         if (outcome.result)
             time_plan_.add(run.configuration.options, outcome.result->train_seconds, outcome.wall_seconds);
         if (outcome.wall_seconds)
-            write_tradeoff(folder_, tradeoff_);  // cells that were finished before need no file each
+            write_tradeoff(folder_, tradeoff_);  // jobs that were finished before need no file each
     }
 
     Tradeoff& tradeoff_;
     const Rounds& rounds_;
     const std::filesystem::path& folder_;
     const std::optional<Clock::time_point> deadline_;
-    const CellsRunner& run_cells_;
+    const JobsRunner& run_jobs_;
     TimePlan time_plan_;
-    CellsSummary summary_;
+    JobsSummary summary_;
 };
 
 }  // namespace
@@ -134,7 +134,7 @@ std::optional<double> TimePlan::seconds(const TrainOptions& options) const {
     return expected;
 }
 
-CellsSummary search_tradeoff(TradeoffPlan& plan, std::optional<Clock::time_point> deadline, const CellsRunner& run) {
+JobsSummary search_tradeoff(TradeoffPlan& plan, std::optional<Clock::time_point> deadline, const JobsRunner& run) {
     return Search(plan, deadline, run).run();
 }
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "eval/experiments/cell_runner.h"
+#include "eval/experiments/job_runner.h"
 #include "eval/experiments/tradeoff_plan.h"
 #include "lib/core/train_options.h"
 
@@ -43,7 +43,7 @@ class TimePlan {
 /// round after the first trains the better half of the one before (`promoted`), provided that this one is complete but
 /// for failures. With a deadline nothing is started that TimePlan expects to end after it. Throws what write_tradeoff
 /// and `run` throw. Call catch_interrupts() before.
-CellsSummary search_tradeoff(TradeoffPlan& plan, std::optional<std::chrono::steady_clock::time_point> deadline,
-                             const CellsRunner& run = run_cells);
+JobsSummary search_tradeoff(TradeoffPlan& plan, std::optional<std::chrono::steady_clock::time_point> deadline,
+                            const JobsRunner& run = run_jobs);
 
 }  // namespace gs

@@ -59,14 +59,14 @@ Json json_of(const Tradeoff& tradeoff, const TradeoffRun& run, bool in_frontier)
 
 struct Cost {
     const char *title, *axis;
-    double (*value)(const CellResult&);  ///< 0: not measured
+    double (*value)(const JobResult&);  ///< 0: not measured
 };
 constexpr Cost kCosts[] = {
-    {"training time", "training time, s", [](const CellResult& r) { return r.train_seconds; }},
-    {"frame time", "time of a frame, ms", [](const CellResult& r) { return 1e3 * r.frame_seconds; }},
-    {"size", "size of the scene, MB", [](const CellResult& r) { return 1e-6 * double(r.bytes); }},
+    {"training time", "training time, s", [](const JobResult& r) { return r.train_seconds; }},
+    {"frame time", "time of a frame, ms", [](const JobResult& r) { return 1e3 * r.frame_seconds; }},
+    {"size", "size of the scene, MB", [](const JobResult& r) { return 1e-6 * double(r.bytes); }},
     {"peak memory of the training", "peak memory, GiB",
-     [](const CellResult& r) { return double(r.peak_device_bytes.value_or(0)) / double(1 << 30); }}};
+     [](const JobResult& r) { return double(r.peak_device_bytes.value_or(0)) / double(1 << 30); }}};
 
 /// Where the value of the first axis stands among its values: runs that share it share a colour.
 int series_of(const Tradeoff& tradeoff, const TradeoffRun& run) {
@@ -122,7 +122,7 @@ std::string bytes_text(std::int64_t bytes) {
     return fmt::format("{:.{}f} MB", 1e-6 * double(bytes), bytes < 10'000'000 ? 2 : bytes < 100'000'000 ? 1 : 0);
 }
 
-std::string fps_text(const CellResult& result) {
+std::string fps_text(const JobResult& result) {
     return result.frame_seconds > 0 ? fmt::format("{:.1f}", 1 / result.frame_seconds) : "-";
 }
 
@@ -143,7 +143,7 @@ TextTable tradeoff_table(const Tradeoff& tradeoff) {
     order.insert(order.end(), ranking.dominated.begin(), ranking.dominated.end());
     for (std::size_t i = 0; i < order.size(); ++i) {
         const TradeoffRun& run = tradeoff.runs[order[i]];
-        const CellResult& r = *run.result;
+        const JobResult& r = *run.result;
         std::vector<TextCell> line;
         const auto add = [&](const std::string& text) { line.push_back({text, "", 0}); };
         for (const std::string& value : run.configuration.values) add(value);

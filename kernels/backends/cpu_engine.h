@@ -185,7 +185,7 @@ template <class Model> class CpuEngine : public Engine {
     void take_back(std::int64_t num_views) override {
         state_.step -= num_views;
         unread_reports_.clear();
-        verdict_ = Verdict::kTake;
+        decision_ = StepDecision::kTake;
     }
     double squared_error(const StepRequest& r, const SplatParts& splats) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp);
@@ -221,10 +221,10 @@ template <class Model> class CpuEngine : public Engine {
                      DeviceArray<float>& shared_gradient) override {
         const auto all = reports.values();
         unread_reports_.emplace_back(all.begin(), all.end());
-        if (verdict_ != Verdict::kRepeat) verdict_ = verdict_on(all);
+        if (decision_ != StepDecision::kRepeat) decision_ = decide_step(all);
         keep_last_steps(views[0]);
         state_.step += std::int64_t(views.size());
-        if (verdict_ != Verdict::kTake)
+        if (decision_ != StepDecision::kTake)
             return shared_gradient.assign(std::vector<float>(shared_row(kNumSharedOf<Model>), 0.0f));
         const auto params = ParameterView<float>::of(state_);
         const int num_views = int(views.size()), width = state_[Group::kResidual].width;
@@ -260,7 +260,7 @@ template <class Model> class CpuEngine : public Engine {
     }
     void update_shared_weights(const std::vector<StepRequest>& views,
                                const DeviceArray<float>& shared_gradients) override {
-        if (verdict_ != Verdict::kTake) return;
+        if (decision_ != StepDecision::kTake) return;
         std::vector<float> shared(kNumSharedOf<Model>);
         if (const int row = int(shared_row(shared.size())); row > 0)
             for (std::size_t k = 0; k < shared.size(); ++k)
@@ -504,8 +504,8 @@ template <class Model> class CpuEngine : public Engine {
         RenderMode mode;
     } projection_{};  ///< that was begun
     std::deque<std::vector<ViewReport>> unread_reports_;
-    Verdict verdict_ = Verdict::kTake;  ///< on the last step
-    std::vector<WireSplat> joined_;     ///< of a view, from all ranks
+    StepDecision decision_ = StepDecision::kTake;  ///< on the last step
+    std::vector<WireSplat> joined_;                ///< of a view, from all ranks
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
     struct {
         double gaussians = 0, visible = 0, moving = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;

@@ -770,7 +770,7 @@ std::optional<ResidualScores> CudaEngine::residual_scores(std::size_t num_views,
     settle();
     const std::int64_t n = model_.count;
     // So that a choice needs no more memory than training.
-    const CudaImages::Loan loan(images_, CudaResidualScores::bytes(model_.num_residuals()));
+    const CudaImages::BorrowedMemory borrowed(images_, CudaResidualScores::bytes(model_.num_residuals()));
     CudaResidualScores scores(model_.num_residuals(), stream_);
     const auto params = [&] { return preprocess_args({}, RenderMode::kFull, {}).params; };
     for (std::size_t view = 0; view < num_views; ++view) {

@@ -99,9 +99,9 @@ class CudaEngine final : public Engine {
         int slot = 0;
     };
     /// What the host has not read yet of a step on several views.
-    struct Judgement {
-        Judgement() { GS_CUDA(cudaEventCreateWithFlags(&made, cudaEventDisableTiming)); }
-        ~Judgement() { cudaEventDestroy(made); }
+    struct PendingDecision {
+        PendingDecision() { GS_CUDA(cudaEventCreateWithFlags(&made, cudaEventDisableTiming)); }
+        ~PendingDecision() { cudaEventDestroy(made); }
         PinnedBuffer reports;
         std::size_t num_reports = 0;
         cudaEvent_t made = nullptr;
@@ -157,10 +157,10 @@ class CudaEngine final : public Engine {
     void enqueue_loss(const StepRequest& r, const DeviceTarget& target);
     /// Turns dL_dimage_ into the sums of the view's `n` splats.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
-    /// Judges a step on the device, by the reports on its views.
-    void judge(const DeviceArray<ViewReport>& reports);
-    /// Returns the reports of the oldest judgement that was not read.
-    std::vector<ViewReport> read_judgement();
+    /// Decides on a step on the device, by the reports on its views.
+    void decide(const DeviceArray<ViewReport>& reports);
+    /// Returns the reports of the oldest decision that was not read.
+    std::vector<ViewReport> read_decision();
     /// Trains a controller on a view of splats from all ranks.
     void distill_splats(const SplatParts& splats, const StepRequest& r);
     /// Enqueues the forward pass of splats that came from ranks.
@@ -239,15 +239,15 @@ class CudaEngine final : public Engine {
         std::size_t splats_from = 0, sums_from = 0, sums_end = 0;
         DeviceBuffer<SplatsOfView> views;
         DeviceBuffer<SplatsOfRank> parts;  ///< of a view whose splats are put in order
-        /// The last steps', since they must stay while they are copied. What was enqueued before a judgement that was
+        /// The last steps', since they must stay while they are copied. What was enqueued before a decision that was
         /// read is done, and that is one of the last two.
         std::vector<SplatsOfView> host_views[kInFlight];
         int next_views = 0;
-        DeviceBuffer<unsigned> left_out;  ///< since take_stats(): Gaussians' gradients, shared weights'
-        std::int64_t num_gaussians = 0;   ///< of all ranks, in the last step
-        bool is_updating = false;         ///< the device may still be at work on a step
-        DeviceBuffer<Verdict> verdict;    ///< on the last step, or that an earlier one has to be repeated
-        std::deque<std::unique_ptr<Judgement>> unread, read;  ///< in order, and those whose memory is free
+        DeviceBuffer<unsigned> left_out;      ///< since take_stats(): Gaussians' gradients, shared weights'
+        std::int64_t num_gaussians = 0;       ///< of all ranks, in the last step
+        bool is_updating = false;             ///< the device may still be at work on a step
+        DeviceBuffer<StepDecision> decision;  ///< on the last step, or that an earlier one has to be repeated
+        std::deque<std::unique_ptr<PendingDecision>> unread, read;  ///< in order, and those whose memory is free
     } wire_;
 
     DeviceBuffer<StepControl> control_;

@@ -22,13 +22,13 @@ struct IsVisible {
 constexpr int kSharedBlock = 128;
 
 /// Takes the step of `n` shared weights on the sum of the gradients of all ranks (num_ranks, row), added up in their
-/// order, if *verdict says so. Adds to *left_out the gradients that are not finite.
+/// order, if *decision says so. Adds to *left_out the gradients that are not finite.
 __global__ void __launch_bounds__(kSharedBlock)
     step_shared_weights(const float* __restrict__ gradients, int num_ranks, int row, int n, float* __restrict__ param,
                         float* __restrict__ m, float* __restrict__ v, AdamStep<float> step, AdamGains<float> gains,
-                        const Verdict* __restrict__ verdict, unsigned* __restrict__ left_out) {
+                        const StepDecision* __restrict__ decision, unsigned* __restrict__ left_out) {
     const int k = blockIdx.x * kSharedBlock + threadIdx.x;
-    if (k >= n || *verdict != Verdict::kTake) return;
+    if (k >= n || *decision != StepDecision::kTake) return;
     const float gradient = sum_of_rows(gradients, num_ranks, row, k);
     if (!update_shared(param[k], m[k], v[k], gradient, step, gains)) atomicAdd(left_out, 1u);
 }
@@ -43,20 +43,22 @@ __global__ void __launch_bounds__(kLossSumThreads)
     out->lacks_instances = control->stopped;
 }
 
-constexpr int kJudges = 128;
+constexpr int kDecisionThreads = 128;
 
-/// Judges a step by all reports on it, unless an earlier one waits for being repeated, and copies them to the host.
-__global__ void __launch_bounds__(kJudges) judge_step(const ViewReport* __restrict__ reports, int num_reports,
-                                                      Verdict* __restrict__ verdict, ViewReport* __restrict__ on_host) {
-    bool skips = false, repeats = *verdict == Verdict::kRepeat;
-    for (int k = threadIdx.x; k < num_reports; k += kJudges) {
+/// Decides on a step by all reports on it, unless an earlier one waits for being repeated, and copies them to the host.
+__global__ void __launch_bounds__(kDecisionThreads)
+    decide_step_on_device(const ViewReport* __restrict__ reports, int num_reports, StepDecision* __restrict__ decision,
+                          ViewReport* __restrict__ on_host) {
+    bool skips = false, repeats = *decision == StepDecision::kRepeat;
+    for (int k = threadIdx.x; k < num_reports; k += kDecisionThreads) {
         const ViewReport report = reports[k];
         on_host[k] = report;
-        skips |= verdict_on(report) == Verdict::kSkip;
-        repeats |= verdict_on(report) == Verdict::kRepeat;
+        skips |= decide_step(report) == StepDecision::kSkip;
+        repeats |= decide_step(report) == StepDecision::kRepeat;
     }
     skips = __syncthreads_or(skips), repeats = __syncthreads_or(repeats);
-    if (threadIdx.x == 0) *verdict = repeats ? Verdict::kRepeat : skips ? Verdict::kSkip : Verdict::kTake;
+    if (threadIdx.x == 0)
+        *decision = repeats ? StepDecision::kRepeat : skips ? StepDecision::kSkip : StepDecision::kTake;
 }
 
 RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, RenderMode::kFull, r.isp}; }
@@ -174,22 +176,22 @@ void CudaEngine::loss_of_splats(const StepRequest& r, const SplatParts& splats, 
     pack_sums_of_splats(sums);
 }
 
-void CudaEngine::judge(const DeviceArray<ViewReport>& reports) {
-    if (!wire_.verdict.get()) GS_CUDA(cudaMemsetAsync(wire_.verdict.reserve(1), 0, sizeof(Verdict), stream_));
-    if (wire_.read.empty()) wire_.read.push_back(std::make_unique<Judgement>());
-    Judgement& judgement = *wire_.unread.emplace_back(std::move(wire_.read.front()));
+void CudaEngine::decide(const DeviceArray<ViewReport>& reports) {
+    if (!wire_.decision.get()) GS_CUDA(cudaMemsetAsync(wire_.decision.reserve(1), 0, sizeof(StepDecision), stream_));
+    if (wire_.read.empty()) wire_.read.push_back(std::make_unique<PendingDecision>());
+    PendingDecision& decision = *wire_.unread.emplace_back(std::move(wire_.read.front()));
     wire_.read.pop_front();
-    judgement.num_reports = reports.size();
-    auto* const on_host = judgement.reports.reserve(reports.size() * sizeof(ViewReport));
-    judge_step<<<1, kJudges, 0, stream_>>>(reports.data(), int(reports.size()), wire_.verdict.get(),
-                                           reinterpret_cast<ViewReport*>(on_host));
-    GS_CUDA_LAUNCHED("judge_step");
-    GS_CUDA(cudaEventRecord(judgement.made, stream_));
+    decision.num_reports = reports.size();
+    auto* const on_host = decision.reports.reserve(reports.size() * sizeof(ViewReport));
+    decide_step_on_device<<<1, kDecisionThreads, 0, stream_>>>(
+        reports.data(), int(reports.size()), wire_.decision.get(), reinterpret_cast<ViewReport*>(on_host));
+    GS_CUDA_LAUNCHED("decide_step_on_device");
+    GS_CUDA(cudaEventRecord(decision.made, stream_));
     wire_.is_updating = true;
 }
 
-std::vector<ViewReport> CudaEngine::read_judgement() {
-    Judgement& oldest = *wire_.unread.front();
+std::vector<ViewReport> CudaEngine::read_decision() {
+    PendingDecision& oldest = *wire_.unread.front();
     GS_CUDA(cudaEventSynchronize(oldest.made));
     const auto* const first = reinterpret_cast<const ViewReport*>(oldest.reports.get());
     std::vector<ViewReport> reports(first, first + oldest.num_reports);
@@ -199,7 +201,7 @@ std::vector<ViewReport> CudaEngine::read_judgement() {
 }
 
 std::vector<ViewReport> CudaEngine::read_reports(const std::vector<ImageId>& ids, int rank) {
-    const std::vector<ViewReport> reports = read_judgement();
+    const std::vector<ViewReport> reports = read_decision();
     const std::size_t num_ranks = reports.size() / std::max<std::size_t>(ids.size(), 1);
     for (const bool lacks : {false, true})  // what is made room for last stays
         for (std::size_t k = 0; k < ids.size(); ++k) {
@@ -219,8 +221,8 @@ std::vector<ViewReport> CudaEngine::read_reports(const std::vector<ImageId>& ids
 void CudaEngine::take_back(std::int64_t num_views) {
     GS_CUDA(cudaStreamSynchronize(stream_));
     wire_.is_updating = false;
-    while (!wire_.unread.empty()) read_judgement();
-    GS_CUDA(cudaMemsetAsync(wire_.verdict.get(), 0, sizeof(Verdict), stream_));
+    while (!wire_.unread.empty()) read_decision();
+    GS_CUDA(cudaMemsetAsync(wire_.decision.get(), 0, sizeof(StepDecision), stream_));
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
     meta_.step -= num_views;
     lazy_.reset(meta_.step);
@@ -306,7 +308,7 @@ void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::
                              const std::vector<ProjectedView>& projected,
                              const std::vector<DeviceArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                              DeviceArray<float>& shared_gradient) {
-    judge(reports);
+    decide(reports);
     wire_.num_gaussians = num_gaussians;
     keep_last_steps(views[0]);
     meta_.step += std::int64_t(views.size());
@@ -332,9 +334,9 @@ void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::
     args.shared = {model_.shared_prepared.get(), shared_sums_};
     kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0]),
                            update_args(views[0], meta_.step, num_gaussians, num_views), std::uint32_t(meta_.step),
-                           wire_.verdict.get(), wire_.left_out.get(), stream_);
+                           wire_.decision.get(), wire_.left_out.get(), stream_);
     half_residuals_current_ = false;
-    // Without a residual that is shown the weights have no gradient. If the verdict is not to take the step, the rows
+    // Without a residual that is shown the weights have no gradient. If the decision is not to take the step, the rows
     // are not written, and nobody uses their sum.
     if (num_shared > 0 && num_residuals > 0)
         sum_rows(shared_sums_, int(num_blocks(n, kernels_.shared.gaussians_per_sum)), num_shared,
@@ -349,7 +351,7 @@ void CudaEngine::update_shared_weights(const std::vector<StepRequest>& views,
     const int row = int(shared_row(std::size_t(n))), num_ranks = int(shared_gradients.size()) / row;
     step_shared_weights<<<num_blocks(n, kSharedBlock), kSharedBlock, 0, stream_>>>(
         shared_gradients.data(), num_ranks, row, n, model_.shared_param.get(), model_.shared_m.get(),
-        model_.shared_v.get(), args.shared_step, args.shared_gains, wire_.verdict.get(), wire_.left_out.get() + 1);
+        model_.shared_v.get(), args.shared_step, args.shared_gains, wire_.decision.get(), wire_.left_out.get() + 1);
     GS_CUDA_LAUNCHED("step_shared_weights");
     kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
 }

@@ -469,18 +469,18 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
 template <class Model> constexpr int views_block() { return kNumSharedOf<Model> == 0 ? 64 : 128; }
 template <class Model> constexpr int views_blocks_at_once() { return kNumSharedOf<Model> == 0 ? 8 : 4; }
 
-/// Computes the mean gradients of the views, and takes the optimizer's step on them. Does nothing unless *verdict is to
-/// take it. No residual is behind. Adds each view to the statistic of ADC. Leaves out what is not finite: of a view the
-/// gradients of geometry and colour, and if the sum over the views is not finite, all of the Gaussian. Adds to
+/// Computes the mean gradients of the views, and takes the optimizer's step on them. Does nothing unless *decision is
+/// to take it. No residual is behind. Adds each view to the statistic of ADC. Leaves out what is not finite: of a view
+/// the gradients of geometry and colour, and if the sum over the views is not finite, all of the Gaussian. Adds to
 /// *num_nonfinite the Gaussians of which something is left out. The sums of the shared weights' gradients are those of
 /// all views together.
 template <class Model>
 __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Model>())
     step_on_views(PreprocessArgs a, const SplatsOfView* __restrict__ views, int num_views, ModelArrays arrays,
-                  UpdateArgs update, std::uint32_t step, const Verdict* __restrict__ verdict,
+                  UpdateArgs update, std::uint32_t step, const StepDecision* __restrict__ decision,
                   unsigned* __restrict__ num_nonfinite) {
     constexpr int kBlock = views_block<Model>(), kWidth = RowMemory<Model>::kWidth, kShared = kNumSharedOf<Model>;
-    if (*verdict != Verdict::kTake) return;
+    if (*decision != StepDecision::kTake) return;
     __shared__ WarpBytes<Model> warps[kBlock / 32];
     __shared__ AdamStep<float> column_steps[kWidth];
     if (update.per_column) {
@@ -618,12 +618,12 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
 template <class Model>
 void launch_step_on_views(const PreprocessArgs& args, const SplatsOfView* views, int num_views,
                           const ModelArrays& arrays, const UpdateArgs& update, std::uint32_t step,
-                          const Verdict* verdict, unsigned* num_nonfinite, cudaStream_t stream) {
+                          const StepDecision* decision, unsigned* num_nonfinite, cudaStream_t stream) {
     constexpr int kBlock = views_block<Model>();
     static_assert(kBlock <= update_block<Model>());
     static_assert(kBlock / 32 * sizeof(WarpBytes<Model>) < 47 * 1024, "a block must fit into shared memory");
     step_on_views<Model><<<num_blocks(args.params.count, kBlock), kBlock, 0, stream>>>(
-        args, views, num_views, arrays, update, step, verdict, num_nonfinite);
+        args, views, num_views, arrays, update, step, decision, num_nonfinite);
     GS_CUDA_LAUNCHED("step_on_views");
 }
 

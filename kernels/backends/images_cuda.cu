@@ -36,7 +36,7 @@ std::int64_t CudaImages::slot_bytes() const {
     return sum;
 }
 
-CudaImages::Loan::Loan(CudaImages& images, std::int64_t bytes) : images_(images) {
+CudaImages::BorrowedMemory::BorrowedMemory(CudaImages& images, std::int64_t bytes) : images_(images) {
     auto& kept = images.kept_;
     std::int64_t in_flight = 0;  // an image that is not kept has a place, too
     for (const auto& [id, image] : kept) in_flight = std::max(in_flight, image->memory.bytes());

@@ -43,14 +43,14 @@ class CudaImages {
     /// of `slot` must be done. The result stays valid until `slot` is used again.
     DeviceTarget get(const TargetImage& target, int slot, cudaStream_t stream);
 
-    /// A part of the kept images' memory, about `bytes` where they take that much, which is free while the loan lives.
-    /// No step may be in flight.
-    class Loan {
+    /// A part of the kept images' memory, about `bytes` where they take that much, which is free while the object
+    /// lives. No step may be in flight.
+    class BorrowedMemory {
       public:
-        Loan(CudaImages& images, std::int64_t bytes);
-        ~Loan() { images_.budget_now_ = images_.budget_; }
-        Loan(const Loan&) = delete;
-        Loan& operator=(const Loan&) = delete;
+        BorrowedMemory(CudaImages& images, std::int64_t bytes);
+        ~BorrowedMemory() { images_.budget_now_ = images_.budget_; }
+        BorrowedMemory(const BorrowedMemory&) = delete;
+        BorrowedMemory& operator=(const BorrowedMemory&) = delete;
 
       private:
         CudaImages& images_;

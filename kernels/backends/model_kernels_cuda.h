@@ -61,10 +61,10 @@ struct ModelKernels {
     void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&,
                    const UpdateArgs&, StepControl*, cudaStream_t);
     /// Takes step `step` on the mean gradient of several views, and adds each view to the statistic of ADC. Does
-    /// nothing unless *verdict is to take it. Writes the sums of the shared weights' gradients of all views together.
+    /// nothing unless *decision is to take it. Writes the sums of the shared weights' gradients of all views together.
     /// Adds the Gaussians with a gradient that is left out to *num_nonfinite.
     void (*step_on_views)(const PreprocessArgs&, const SplatsOfView* views, int num_views, const ModelArrays&,
-                          const UpdateArgs&, std::uint32_t step, const Verdict* verdict, unsigned* num_nonfinite,
+                          const UpdateArgs&, std::uint32_t step, const StepDecision* decision, unsigned* num_nonfinite,
                           cudaStream_t);
     struct Shared {
         int count = 0;  ///< number of weights that all Gaussians share

@@ -113,7 +113,7 @@ template <auto kFunction, class... Arguments> auto Backend::on_all(const Argumen
 void follow(Communicator& ranks, Engine& engine, const TargetSource& targets) {
     Shard shard(ranks, engine, targets);
     while (true) {
-        const Shard::Mark begin = shard.mark();
+        const Shard::CostsSoFar begin = shard.costs_so_far();
         MessageReader message = receive_from_rank_0(ranks);
         const auto call = message.get<std::uint32_t>();
         if (call != kStep) shard.finish_steps();
@@ -230,7 +230,7 @@ Ceilings Backend::measure_ceilings() {
 
 void Backend::step_on(const std::vector<StepRequest>& views) {
     all_steps_done_ = false;
-    const Shard::Mark begin = shard_.mark();
+    const Shard::CostsSoFar begin = shard_.costs_so_far();
     if (alone_)
         engine_->step(views.front());
     else

@@ -365,11 +365,11 @@ void Shard::render(const std::vector<RenderRequest>& views, std::vector<Rendered
 void Shard::step(std::vector<StepRequest> views) {
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
     const std::size_t most_unread = makes_rooms_ && !corrects(views) ? 1 : 0;
-    while (unread_.size() > most_unread) read_judgement();  // the host takes the step of PPISP
+    while (unread_.size() > most_unread) read_decision();  // the host takes the step of PPISP
     for (std::size_t k = rank_after(0); most_unread > 0 && k < views.size(); k += received_.size())
         keep_pixels(views[k]);
     begin_step(std::move(views));
-    while (unread_.size() > most_unread) read_judgement();
+    while (unread_.size() > most_unread) read_decision();
 }
 
 void Shard::begin_step(std::vector<StepRequest> step_views) {
@@ -396,7 +396,7 @@ void Shard::complete_step() {
     engine_.update_shared_weights(unread_.back(), shared_of_all_ranks_);
 }
 
-void Shard::read_judgement() {
+void Shard::read_decision() {
     std::vector<ImageId> ids;
     for (const StepRequest& view : unread_.front()) ids.push_back(view.target.id);
     const std::vector<ViewReport> reports = on_received([&] { return engine_.read_reports(ids, ranks_.rank()); });
@@ -405,19 +405,19 @@ void Shard::read_judgement() {
     const std::vector<StepRequest>& views = unread_.front();
     const std::size_t num_ranks = received_.size(), num_views = views.size();
     note_reports(views, reports);
-    const Verdict verdict = verdict_on(reports);
-    if (verdict == Verdict::kRepeat) {
+    const StepDecision decision = decide_step(reports);
+    if (decision == StepDecision::kRepeat) {
         complete_step();
         std::int64_t taken_back = 0;
         for (const auto& step : unread_) taken_back += std::int64_t(step.size());
         engine_.take_back(taken_back);
         for (auto& step : std::exchange(unread_, {})) {
-            while (!unread_.empty()) read_judgement();
+            while (!unread_.empty()) read_decision();
             begin_step(std::move(step));
         }
         return;
     }
-    const bool taken = verdict == Verdict::kTake;
+    const bool taken = decision == StepDecision::kTake;
     const double mean = 1 / double(num_views);
     stats_.loss = stats_.l1 = stats_.ssim = 0, stats_.num_instances = 0;
     for (std::size_t k = 0; k < num_views; ++k) {
@@ -456,7 +456,7 @@ void Shard::note_reports(const std::vector<StepRequest>& views, const std::vecto
 void Shard::finish_steps() {
     complete_step();
     while (!unread_.empty()) {
-        read_judgement();
+        read_decision();
         complete_step();
     }
 }
@@ -495,7 +495,7 @@ std::int64_t Shard::take_nonfinite() {
     return sum;
 }
 
-void Shard::count_step(const Mark& begin) {
+void Shard::count_step(const CostsSoFar& begin) {
     ++costs_.steps;
     costs_.seconds += seconds_now() - begin.seconds;
     costs_.cpu_seconds += cpu_seconds() - begin.cpu_seconds;

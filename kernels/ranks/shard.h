@@ -99,10 +99,10 @@ class Shard {
     /// bit.
     void render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>* out);
     /// Takes a step; view k is rendered by rank k modulo their number. Where devices know the room that splats need,
-    /// and PPISP does not learn, they judge for themselves whether the step is taken, and its judgement is read in the
+    /// and PPISP does not learn, they decide for themselves whether the step is taken, and its decision is read in the
     /// next step, or by finish_steps().
     void step(std::vector<StepRequest> views);
-    /// Completes all steps and reads their judgements, before anything but a step is done with the rank's engine.
+    /// Completes all steps and reads their decisions, before anything but a step is done with the rank's engine.
     void finish_steps();
     /// Returns the number of gradients that were left out since the last call: of all ranks' Gaussians, and of what is
     /// common to them.
@@ -135,21 +135,21 @@ class Shard {
     void complete_step();
     /// Returns whether finish_steps() has something to do: on all ranks the same.
     bool has_unfinished_steps() const { return !unread_.empty(); }
-    /// Returns the statistics of the steps whose judgements were read, without gradients that were left out.
+    /// Returns the statistics of the steps whose decisions were read, without gradients that were left out.
     StepStats& stats() { return stats_; }
     /// Returns the Gaussians of every rank.
     const std::vector<RowCounts>& rows() const { return rows_; }
     std::int64_t num_gaussians() const { return num_gaussians_; }
 
     /// The costs of a rank up to the beginning of a step.
-    struct Mark {
+    struct CostsSoFar {
         double seconds, cpu_seconds;
         Traffic traffic;
         double splats_sent;
     };
-    Mark mark() const { return {seconds_now(), cpu_seconds(), ranks_.traffic(), splats_sent_}; }
+    CostsSoFar costs_so_far() const { return {seconds_now(), cpu_seconds(), ranks_.traffic(), splats_sent_}; }
     /// Counts what a step has cost since `begin`.
-    void count_step(const Mark& begin);
+    void count_step(const CostsSoFar& begin);
     RankCosts take_costs() { return std::exchange(costs_, {}); }
 
   private:
@@ -200,11 +200,11 @@ class Shard {
     /// Calls fn() on splats that came from other ranks. Where one of these is lost they are not what it sent; then it
     /// throws what says so instead of the error that comes of it.
     template <class Fn> auto on_received(Fn&& fn);
-    /// Begins a step: computes the losses of its views, the sums of all splats and isp_gradient_, judges and updates.
+    /// Begins a step: computes the losses of its views, the sums of all splats and isp_gradient_, decides and updates.
     void begin_step(std::vector<StepRequest> views);
-    /// Reads the oldest judgement that was not read. Where it says so, that step and all after it are taken once more,
-    /// with room; the last of these judgements is not read.
-    void read_judgement();
+    /// Reads the oldest decision that was not read. Where it says so, that step and all after it are taken once more,
+    /// with room; the last of these decisions is not read.
+    void read_decision();
     /// Takes notice of what all ranks say of the views of a step: there is room for them then.
     void note_reports(const std::vector<StepRequest>& views, const std::vector<ViewReport>& reports);
     /// Returns the room that a rank's splats of a view have.
@@ -230,7 +230,7 @@ class Shard {
     DeviceArray<ViewReport> reports_, reports_of_all_ranks_;  ///< on the views of a step, (ranks, views)
     DeviceArray<float> shared_, shared_of_all_ranks_;  ///< gradients of the shared weights, (ranks, shared_row())
     bool is_incomplete_ = false;                       ///< the last step waits for complete_step()
-    std::deque<std::vector<StepRequest>> unread_;      ///< views of the steps whose judgements were not read, in order
+    std::deque<std::vector<StepRequest>> unread_;      ///< views of the steps whose decisions were not read, in order
     StepStats stats_;
     std::vector<float> isp_gradient_;  ///< by PPISP, of the step
     double splats_sent_ = 0;           ///< to other ranks, since the beginning

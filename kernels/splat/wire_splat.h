@@ -91,21 +91,21 @@ struct ViewReport {
 static_assert(sizeof(ViewReport) % 16 == 0, "reports travel between devices");
 
 /// What becomes of a step: the last of these in this order that a report on its views asks for.
-enum class Verdict : std::uint32_t {
+enum class StepDecision : std::uint32_t {
     kTake,
     kSkip,   ///< a loss is not finite
     kRepeat  ///< some rank had too little room
 };
 
-GS_HD Verdict verdict_on(const ViewReport& report) {
-    if (report.lacks_splats || report.lacks_instances) return Verdict::kRepeat;
-    return gs_isfinite(report.loss.loss) ? Verdict::kTake : Verdict::kSkip;
+GS_HD StepDecision decide_step(const ViewReport& report) {
+    if (report.lacks_splats || report.lacks_instances) return StepDecision::kRepeat;
+    return gs_isfinite(report.loss.loss) ? StepDecision::kTake : StepDecision::kSkip;
 }
 
-inline Verdict verdict_on(std::span<const ViewReport> reports) {
-    Verdict verdict = Verdict::kTake;
-    for (const ViewReport& report : reports) verdict = std::max(verdict, verdict_on(report));
-    return verdict;
+inline StepDecision decide_step(std::span<const ViewReport> reports) {
+    StepDecision decision = StepDecision::kTake;
+    for (const ViewReport& report : reports) decision = std::max(decision, decide_step(report));
+    return decision;
 }
 
 }  // namespace gs

@@ -31,7 +31,7 @@ constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;
 constexpr double kInterval = 100, kLeastSteps = 10;
 
 /// Returns `interval`, or a multiple of it with at least so many steps.
-double stretched(double interval, double least_steps, const Moment& moment) {
+double stretched(double interval, double least_steps, const ScheduleMoment& moment) {
     return interval * std::max(1.0, std::ceil(least_steps * moment.stride() / interval));
 }
 
@@ -42,7 +42,7 @@ DensificationWindow::DensificationWindow(const DensificationOptions& options)
       until(options.densify_until_iter, options.strategy == Strategy::kMcmc ? 24900 : 14900),
       interval(options.densification_interval, kInterval) {}
 
-bool DensificationWindow::due(const Moment& moment) const {
+bool DensificationWindow::due(const ScheduleMoment& moment) const {
     if (!from.reached(moment) || until.exceeded(moment)) return false;
     // Intervals count from the first densification, where both are on one scale.
     const bool one_scale = interval.named() == from.named() || moment.position == double(moment.iteration);
@@ -65,7 +65,8 @@ DensificationSchedule::DensificationSchedule(const TrainOptions& options, const 
       reset_(options.opacity_reset_interval, 3000),
       views_(std::move(views)) {}
 
-ScheduledChange DensificationSchedule::before_step(Backend& backend, const Moment& moment, bool hold_view_dependence,
+ScheduledChange DensificationSchedule::before_step(Backend& backend, const ScheduleMoment& moment,
+                                                   bool hold_view_dependence,
                                                    const std::function<std::int64_t()>& most) {
     ScheduledChange change;
     if (const auto degrees = multiples_passed(moment.before, moment.position, kDegreeInterval)) {
@@ -106,13 +107,13 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, const Momen
     return change;
 }
 
-ScheduledChange DensificationSchedule::after_step(Backend& backend, const Moment& moment) {
+ScheduledChange DensificationSchedule::after_step(Backend& backend, const ScheduleMoment& moment) {
     ScheduledChange change;
     if (prunes_by_score(moment) && window_.until.exceeded(moment)) prune(backend, kHardRatio, change);
     return change;
 }
 
-bool DensificationSchedule::prunes_by_score(const Moment& moment) const {
+bool DensificationSchedule::prunes_by_score(const ScheduleMoment& moment) const {
     return options_.speedy_splat && moment.position >= kScorePruneFrom &&
            multiples_passed(moment.before, moment.position, kScorePruneInterval) > 0;
 }

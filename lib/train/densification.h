@@ -17,11 +17,11 @@ inline constexpr double kDegreeInterval = 1000;
 /// The part of a run in which the number of Gaussians changes.
 struct DensificationWindow {
     explicit DensificationWindow(const DensificationOptions& options);
-    Mark from, until, interval;
+    ScheduleMark from, until, interval;
 
     /// Returns whether an interval inside the window ends at `moment`. In short runs intervals are longer than their
     /// share, so that new Gaussians have some steps to show what they are good for.
-    bool due(const Moment& moment) const;
+    bool due(const ScheduleMoment& moment) const;
 };
 
 /// The result of a densification, and the number of Gaussians that Speedy-Splat's pruning removed after it.
@@ -45,17 +45,17 @@ class DensificationSchedule {
     /// would rise; with it colours do not depend on the view for now. `most` gives the largest number of Gaussians
     /// where that is not options.cap_max. Returns the result of densification and pruning, all zero if they were not
     /// due.
-    ScheduledChange before_step(Backend& backend, const Moment& moment, bool hold_view_dependence = false,
+    ScheduledChange before_step(Backend& backend, const ScheduleMoment& moment, bool hold_view_dependence = false,
                                 const std::function<std::int64_t()>& most = {});
 
     /// Runs the changes due after that step.
-    ScheduledChange after_step(Backend& backend, const Moment& moment);
+    ScheduledChange after_step(Backend& backend, const ScheduleMoment& moment);
 
     /// Returns the degree active in the last step: one more at position 1000, 2000, ..., unless it was held.
     int active_degree() const { return degree_; }
 
   private:
-    bool prunes_by_score(const Moment& moment) const;
+    bool prunes_by_score(const ScheduleMoment& moment) const;
     void prune(Backend& backend, double ratio, ScheduledChange& change) const;
 
     const DensificationOptions options_;
@@ -65,7 +65,7 @@ class DensificationSchedule {
     double extent_;
     bool black_background_;
     const DensificationWindow window_;
-    const Mark reset_;
+    const ScheduleMark reset_;
     std::vector<RenderRequest> views_;
 };
 

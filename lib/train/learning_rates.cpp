@@ -72,7 +72,7 @@ void LearningRates::log(const TrainOptions& options) const {
     }
 }
 
-StepRates LearningRates::at(const Moment& moment) const {
+StepRates LearningRates::at(const ScheduleMoment& moment) const {
     StepRates rates;
     const double pace = std::min(moment.pace, kLongestPace);
     const double gain = pace > kShortPace ? std::pow(pace / kShortPace, short_rates_) : 1;

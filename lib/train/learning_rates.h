@@ -16,14 +16,14 @@ class LearningRates {
     LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene);
 
     /// Returns the rates (and, with MCMC, the noise factor) of the step at `moment`, without that of PPISP.
-    StepRates at(const Moment& moment) const;
+    StepRates at(const ScheduleMoment& moment) const;
 
     /// Logs the rates that depend on the camera spacing, in the scene's unit; a look at them helps when a scene trains
     /// oddly. `options` must be those of the constructor.
     void log(const TrainOptions& options) const;
 
   private:
-    const Mark means_end_;
+    const ScheduleMark means_end_;
     Schedule means_, scales_, rotations_, opacities_;
     AppearanceRates appearance_;
     double noise_ = 0, spacing_ = 0;

@@ -162,7 +162,7 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene)
     else if (options.ppisp == PpispMode::kOn)
         initial_ = begin();
     active_ = initial_.active();
-    const Moment last = moment_at(options, options.iterations - 1);
+    const ScheduleMoment last = moment_at(options, options.iterations - 1);
     if (options.ppisp == PpispMode::kAuto && options.ends_by_iterations() && !may_decide(last.position, last.iteration))
         log_warning("--ppisp auto needs {} iterations to decide, but this run has {}: PPISP stays off",
                     1 + std::max(kLeastIterations, std::int64_t(kPhotometricDecision / last.stride())),
@@ -218,7 +218,7 @@ void Photometric::take_from(const std::filesystem::path& path) {
     frozen_ = true;
 }
 
-void Photometric::resume(Gaussians& state, const Moment& moment) {
+void Photometric::resume(Gaussians& state, const ScheduleMoment& moment) {
     const PpispState& held = state.ppisp;
     if (held.active()) {
         if (options_.ppisp == PpispMode::kOff)
@@ -238,7 +238,7 @@ void Photometric::resume(Gaussians& state, const Moment& moment) {
 }
 
 std::optional<PhotometricDecision> Photometric::decide(
-    Backend& backend, const Moment& moment, const Vec3<float>& background,
+    Backend& backend, const ScheduleMoment& moment, const Vec3<float>& background,
     const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
     if (options_.ppisp != PpispMode::kAuto || active_ || !may_decide(moment.position, moment.iteration) ||
         may_decide(moment.before, moment.iteration - 1))
@@ -255,7 +255,7 @@ std::optional<PhotometricDecision> Photometric::decide(
     return decision;
 }
 
-bool Photometric::holds_view_dependence(Backend& backend, const Moment& moment) {
+bool Photometric::holds_view_dependence(Backend& backend, const ScheduleMoment& moment) {
     if (!active_ || frozen_ || moment.position >= longest_hold_) return false;
     const PpispState state = backend.download_ppisp();
     double mean = 0, square = 0;
@@ -271,7 +271,7 @@ bool Photometric::holds_view_dependence(Backend& backend, const Moment& moment) 
     return hold;
 }
 
-void Photometric::apply(std::size_t view, const Moment& moment, StepRequest& request) const {
+void Photometric::apply(std::size_t view, const ScheduleMoment& moment, StepRequest& request) const {
     if (!active_) return;
     request.isp = {.mode = IspMode::kFrame,
                    .frame = int(view),

@@ -65,7 +65,7 @@ std::string describe(const PhotometricDecision& decision);
 
 /// Returns the rate of PPISP's parameters `distance` positions after they began: `rate` after a slow start, falling by
 /// a factor of 100 in 30000 (docs/math/ppisp.md#optimizer). The distance is negative where the schedule of a later
-/// stretch begins before PPISP did; the rate is then the first.
+/// segment begins before PPISP did; the rate is then the first.
 double ppisp_rate(double rate, double distance);
 /// The learning rate of the controllers' weights.
 inline constexpr double kControllerRate = 0.001;
@@ -84,21 +84,21 @@ class Photometric {
     /// Continues a run at `moment`. If PPISP is on but the checkpoint has none, PPISP begins there.
     /// Throws UsageError for a checkpoint with PPISP when it is off, DataError for one with other numbers of images or
     /// cameras.
-    void resume(Gaussians& state, const Moment& moment);
+    void resume(Gaussians& state, const ScheduleMoment& moment);
 
     /// Decides before the step at `moment` if auto is due, and gives the backend its first state. Returns nothing if
     /// no decision was due.
     std::optional<PhotometricDecision> decide(
-        Backend& backend, const Moment& moment, const Vec3<float>& background,
+        Backend& backend, const ScheduleMoment& moment, const Vec3<float>& background,
         const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
 
     /// Returns true if colours should not yet depend on the view: the exposures found so far differ by more than
     /// kSpreadThatHolds, and the first third of the run is not over. View dependence would otherwise absorb some of the
     /// exposure for good.
-    bool holds_view_dependence(Backend& backend, const Moment& moment);
+    bool holds_view_dependence(Backend& backend, const ScheduleMoment& moment);
 
     /// Corrects training image `view` by its own values.
-    void apply(std::size_t view, const Moment& moment, StepRequest& request) const;
+    void apply(std::size_t view, const ScheduleMoment& moment, StepRequest& request) const;
 
     /// Returns true if controllers are to be trained when the Gaussians are done.
     bool trains_controllers() const { return active_ && !frozen_ && options_.controller_iterations != 0; }

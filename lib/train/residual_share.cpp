@@ -64,7 +64,7 @@ void move_rows(std::vector<float>& values, const std::vector<std::uint8_t>& mark
 }
 
 /// Returns the number of the last stage, from 1, that is due before the step at `moment`, or 0.
-int stage_at(const Moment& moment) {
+int stage_at(const ScheduleMoment& moment) {
     int due = 0;
     for (int k = 0; k < kNumStages; ++k)
         if (moment.before < kResidualStages[k] && moment.position >= kResidualStages[k]) due = k + 1;
@@ -113,7 +113,7 @@ std::optional<double> wanted_residual_share(const AppearanceOptions& options, co
 ResidualShare::ResidualShare(const AppearanceOptions& options, const AppearanceSpec& appearance, const Scene& scene)
     : tolerance_(options.auto_tolerance), scene_(scene), share_(wanted_residual_share(options, appearance)) {}
 
-std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const Moment& moment,
+std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const ScheduleMoment& moment,
                                                          const StepSource& step_on) const {
     const int stage = share_ == 1 ? 0 : stage_at(moment);
     if (stage == 0) return std::nullopt;

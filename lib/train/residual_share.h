@@ -38,7 +38,8 @@ class ResidualShare {
 
     /// Takes residuals away before the step at `moment`, if that is due. With a tolerance the last stage goes on, those
     /// that are worth least first, until the loss at once reaches a quarter of it. Returns nothing if it was not due.
-    std::optional<ResidualChange> before_step(Backend& backend, const Moment& moment, const StepSource& step_on) const;
+    std::optional<ResidualChange> before_step(Backend& backend, const ScheduleMoment& moment,
+                                              const StepSource& step_on) const;
     /// Returns how many views at_end may look at.
     std::size_t views_at_end() const;
     /// Takes away what is above the share, now that the last Gaussians went. Returns nothing if nothing was.

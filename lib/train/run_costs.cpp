@@ -80,16 +80,16 @@ std::string memory_report(const MemoryUse& memory) {
 double estimate_seconds(const ScheduleOptions& options, const DensificationOptions& growth, const MeasuredSteps& steps,
                         std::int64_t cap) {
     const DensificationWindow window(growth);
-    const auto cost = [&](const Moment& moment, double count) {
+    const auto cost = [&](const ScheduleMoment& moment, double count) {
         const bool coarse = moment.position < options.coarse_until * kReferenceIterations;
         return count + kPixelPerGaussian * steps.pixels / (coarse ? 4 : 1);
     };
     const double measured_cost = cost(moment_at(options, steps.iteration), double(steps.num_gaussians));
     const std::int64_t stride = 1 + (options.iterations - 1) / kMostSamples;
     double count = double(steps.num_gaussians), total = 0;
-    Moment last = moment_at(options, steps.iteration - 1);
+    ScheduleMoment last = moment_at(options, steps.iteration - 1);
     for (std::int64_t k = steps.iteration; k < options.iterations; k += stride) {
-        Moment moment = moment_at(options, k);
+        ScheduleMoment moment = moment_at(options, k);
         moment.before = last.position;
         if (growth.strategy == Strategy::kMcmc && window.due(moment))
             count = std::max(count, std::min(double(cap), McmcParams{}.growth * count));

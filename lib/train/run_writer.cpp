@@ -14,7 +14,7 @@
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "lib/scene/camera_params.h"
-#include "lib/train/course.h"
+#include "lib/train/training_schedule.h"
 
 namespace gs {
 namespace {

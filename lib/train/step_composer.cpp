@@ -48,7 +48,8 @@ StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteratio
     return request;
 }
 
-StepRequest StepComposer::compose(const StepView& view, const Moment& moment, const Moment& rate_moment) const {
+StepRequest StepComposer::compose(const StepView& view, const ScheduleMoment& moment,
+                                  const ScheduleMoment& rate_moment) const {
     StepRequest request = request_of(view, moment.iteration);
     const bool mcmc = strategy_ == Strategy::kMcmc;
     request.loss.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;

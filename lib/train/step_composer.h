@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Composes the request of one training step. Trainer, rehearsal and bench only loop over the result.
+// Composes the request of one training step. The trainer, trial trainings and `gsapp bench` loop
+// over the result.
 #pragma once
 
 #include "kernels/ranks/backend.h"
@@ -40,9 +41,11 @@ class StepComposer {
                  const Photometric* photometric, double rate_factor = 1);
 
     /// Returns the step on `view` at `moment`.
-    StepRequest compose(const StepView& view, const Moment& moment) const { return compose(view, moment, moment); }
+    StepRequest compose(const StepView& view, const ScheduleMoment& moment) const {
+        return compose(view, moment, moment);
+    }
     /// Returns the same step with the learning rates of another moment.
-    StepRequest compose(const StepView& view, const Moment& moment, const Moment& rate_moment) const;
+    StepRequest compose(const StepView& view, const ScheduleMoment& moment, const ScheduleMoment& rate_moment) const;
 
     /// Turns requests of single steps into those of one step on all their views: with the rates of the first, which
     /// are higher, since a mean gradient is less noisy (docs/math/ranks.md#batch).

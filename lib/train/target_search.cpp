@@ -45,7 +45,7 @@ std::int64_t TargetSearch::most_gaussians(std::int64_t steps, std::int64_t count
     return std::max(count, std::min(cap_, kGaussiansPerStep * steps));
 }
 
-Stretch TargetSearch::first(std::int64_t steps, std::int64_t count) const {
+ScheduleSegment TargetSearch::first(std::int64_t steps, std::int64_t count) const {
     return {.steps = std::max<std::int64_t>(0, first_steps_ - steps),
             .from = kReferenceIterations * double(std::min(steps, first_steps_)) / double(first_steps_),
             .most_gaussians = most_gaussians(first_steps_, count)};
@@ -76,7 +76,7 @@ TargetStep TargetSearch::grow(const Try& measured) {
         }
     }
     const std::int64_t steps = std::clamp<std::int64_t>(measured.steps, 1, most_steps_ - measured.steps);
-    return {.stretch = {.steps = steps,
+    return {.segment = {.steps = steps,
                         .from = kGrowFrom,
                         .most_gaussians = most_gaussians(measured.steps + steps, measured.count)}};
 }
@@ -102,7 +102,7 @@ TargetStep TargetSearch::shrink(const Try& measured) {
         smaller = std::pow(double(bad_->count) / count, share);
     }
     step.prune_to = std::clamp<std::int64_t>(std::llround(count * smaller), 1, good_->count - 1);
-    step.stretch = {.steps = std::clamp(std::int64_t(kRecovery * double(grown_steps_)), kLeastRecovery, kMostRecovery),
+    step.segment = {.steps = std::clamp(std::int64_t(kRecovery * double(grown_steps_)), kLeastRecovery, kMostRecovery),
                     .from = kShrinkFrom,
                     .most_gaussians = step.prune_to};
     return step;

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "lib/train/course.h"
+#include "lib/train/training_schedule.h"
 
 namespace gs {
 
@@ -17,7 +17,7 @@ struct TargetStep {
     bool restore = false;       ///< first goes back to the model that was kept last
     bool keep = false;          ///< keeps the present model, to come back to
     std::int64_t prune_to = 0;  ///< then removes the lowest scores until so many Gaussians are left; 0 = none
-    Stretch stretch;            ///< then trains; no steps: the search has ended
+    ScheduleSegment segment;    ///< then trains; no steps: the search has ended
 };
 
 /// What came of a search.
@@ -45,10 +45,10 @@ class TargetSearch {
     /// Gaussians.
     TargetSearch(double target, std::int64_t views, std::int64_t most_steps, std::int64_t cap);
 
-    /// Returns what is left of the first stretch of a run that has done `steps` and has `count` Gaussians; no steps if
+    /// Returns what is left of the first segment of a run that has done `steps` and has `count` Gaussians; no steps if
     /// nothing is.
-    Stretch first(std::int64_t steps, std::int64_t count) const;
-    /// Decides what follows from a measurement. A run that was resumed after the first stretch begins with one.
+    ScheduleSegment first(std::int64_t steps, std::int64_t count) const;
+    /// Decides what follows from a measurement. A run that was resumed after the first segment begins with one.
     TargetStep next(const Try& measured);
     /// Says why a search ends here that could have gone on.
     void stop(const std::string& why) { why_ = why; }

@@ -6,13 +6,13 @@
 
 namespace gs {
 
-Moment moment_at(const ScheduleOptions& options, std::int64_t iteration) {
+ScheduleMoment moment_at(const ScheduleOptions& options, std::int64_t iteration) {
     const double stride =
         options.schedule == ScheduleKind::kFixed ? 1 : kReferenceIterations / double(options.iterations);
     return {iteration, double(iteration) * stride, double(iteration - 1) * stride, stride};
 }
 
-Moment next_moment(const Moment& last, double progress) {
+ScheduleMoment next_moment(const ScheduleMoment& last, double progress) {
     // Time passes, but a model that has grown takes longer to save, so that progress may fall behind.
     return {last.iteration + 1, std::max(last.position, kReferenceIterations * progress), last.position, last.pace};
 }

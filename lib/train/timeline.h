@@ -15,7 +15,7 @@ namespace gs {
 inline constexpr double kReferenceIterations = 30000;
 
 /// The moment before a step.
-struct Moment {
+struct ScheduleMoment {
     std::int64_t iteration = 0;  ///< steps done
     double position = 0;         ///< of the step to come, 0..30000; in a run of 30,000 the iteration itself
     double before = -1;          ///< position of the step before it; -1 before the first
@@ -26,19 +26,19 @@ struct Moment {
 };
 
 /// A place in the schedule: an iteration that the user named, or else a position.
-class Mark {
+class ScheduleMark {
   public:
     /// `named` is an option's value; without one the schedule puts the place at `position`.
-    Mark(const std::optional<std::int64_t>& named, double position)
+    ScheduleMark(const std::optional<std::int64_t>& named, double position)
         : named_(named), value_(named ? double(*named) : position) {}
 
     bool named() const { return named_; }
     double value() const { return value_; }
     /// Returns the moment on the scale of the mark, and that of the step before.
-    double now(const Moment& moment) const { return named_ ? double(moment.iteration) : moment.position; }
-    double before(const Moment& moment) const { return named_ ? double(moment.iteration - 1) : moment.before; }
-    bool reached(const Moment& moment) const { return now(moment) >= value_; }
-    bool exceeded(const Moment& moment) const { return now(moment) > value_; }
+    double now(const ScheduleMoment& moment) const { return named_ ? double(moment.iteration) : moment.position; }
+    double before(const ScheduleMoment& moment) const { return named_ ? double(moment.iteration - 1) : moment.before; }
+    bool reached(const ScheduleMoment& moment) const { return now(moment) >= value_; }
+    bool exceeded(const ScheduleMoment& moment) const { return now(moment) > value_; }
 
   private:
     bool named_;
@@ -51,11 +51,11 @@ inline std::int64_t multiples_passed(double before, double now, double interval,
 }
 
 /// Returns the moment after `iteration` steps of a run of options.iterations.
-Moment moment_at(const ScheduleOptions& options, std::int64_t iteration);
+ScheduleMoment moment_at(const ScheduleOptions& options, std::int64_t iteration);
 
 /// Returns the moment of the next step in a run through time. `last` is that of the step before, of which 0 is the
 /// iteration in a new run; `progress` (0..1) is the share of the time that has passed.
 /// The pace is that of `last`.
-Moment next_moment(const Moment& last, double progress);
+ScheduleMoment next_moment(const ScheduleMoment& last, double progress);
 
 }  // namespace gs

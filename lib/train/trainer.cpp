@@ -19,7 +19,6 @@
 #include "lib/model/initialize.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/course.h"
 #include "lib/train/densification.h"
 #include "lib/train/model_limits.h"
 #include "lib/train/photometric.h"
@@ -28,6 +27,7 @@
 #include "lib/train/run_writer.h"
 #include "lib/train/step_composer.h"
 #include "lib/train/target_search.h"
+#include "lib/train/training_schedule.h"
 #include "lib/train/training_views.h"
 
 namespace gs {
@@ -69,7 +69,7 @@ class Run {
         : output_(options),
           length_(options),
           device_(options.device),
-          densification_(options),
+          densification_options_(options),
           controller_limit_(options.controller_iterations),
           scene_(scene),
           progress_(progress),
@@ -77,9 +77,9 @@ class Run {
           appearance_(appearance_spec(options)),
           views_(options, scene),
           limits_(options, scene, views_.fixed_background(), hooks.most_gaussians),
-          course_(options, scene.train.size()),
+          schedule_(options, scene.train.size()),
           search_(options.target_psnr.value_or(0), std::int64_t(scene.train.size()), options.iterations, limits_.cap()),
-          schedule_(options, appearance_, scene.extent, options.background.always(0, 0, 0), limits_.views()),
+          densification_(options, appearance_, scene.extent, options.background.always(0, 0, 0), limits_.views()),
           photometric_(options, scene),
           composer_(options, appearance_, scene, &photometric_),
           residuals_(options, appearance_, scene),
@@ -92,7 +92,7 @@ class Run {
         else
             begin(options, start.used_seconds, std::move(start.initial));
         log_memory_plan(options, scene_, appearance_, backend_->count());
-        writer_.open_log(iteration_, course_.finished());
+        writer_.open_log(iteration_, schedule_.finished());
         if (hooks_.tensorboard && start.checkpoint) hooks_.tensorboard->resume(iteration_);
         photometric_decision_ = writer_.opened_log().photometric_reason();  // of an earlier part of the run
         if (!start.first_event.is_null()) {
@@ -103,10 +103,10 @@ class Run {
     }
 
     TrainSummary run() {
-        if (course_.limits_time()) begin_time();
-        progress_.start(course_.expected_iterations(), iteration_);
+        if (schedule_.limits_time()) begin_time();
+        progress_.start(schedule_.expected_iterations(), iteration_);
         expect_end();
-        views_.prefetch(iteration_, last_iteration(), course_.reduction());
+        views_.prefetch(iteration_, last_iteration(), schedule_.reduction());
         const std::int64_t first = iteration_;
         try {
             if (length_.target_psnr)
@@ -154,32 +154,32 @@ class Run {
             hooks_.held_out_psnr(*backend_);
             costs.at_end += seconds_now() - start;
         }
-        if (course_.reduction() > 1)
+        if (schedule_.reduction() > 1)
             costs.coarse_ratio =
-                std::max(1.0, limits_.view_seconds(*backend_) / limits_.view_seconds(*backend_, course_.reduction()));
-        course_.start(costs, count);
+                std::max(1.0, limits_.view_seconds(*backend_) / limits_.view_seconds(*backend_, schedule_.reduction()));
+        schedule_.start(costs, count);
         keep_time_for_controllers();
-        if (course_.finished())
+        if (schedule_.finished())
             log_warning("time limit {}: it is used up: nothing is trained", length_.time_limit->text());
         log_debug(
             "time limit {}: saving takes about {:.2f} s for {} Gaussians; growth ends when fewer than {} steps would "
             "remain",
-            length_.time_limit->text(), costs.saving_per_gaussian * double(count), count, course_.wanted_steps());
+            length_.time_limit->text(), costs.saving_per_gaussian * double(count), count, schedule_.wanted_steps());
     }
 
-    /// Trains stretch after stretch until the search for options.target_psnr ends.
+    /// Trains segment after segment until the search for options.target_psnr ends.
     void search() {
-        if (const Stretch first = search_.first(iteration_, backend_->count()); first.steps > 0) {
-            course_.begin(first, backend_->count());
+        if (const ScheduleSegment first = search_.first(iteration_, backend_->count()); first.steps > 0) {
+            schedule_.begin(first, backend_->count());
             loop();
         }
         while (true) {
             const TargetStep step = search_.next(measure());
             if (step.keep) kept_ = backend_->download(true);
             if (step.restore) backend_->upload(*kept_);
-            if (step.stretch.steps == 0) break;
-            course_.begin(step.stretch, backend_->count());
-            if (course_.finished()) {
+            if (step.segment.steps == 0) break;
+            schedule_.begin(step.segment, backend_->count());
+            if (schedule_.finished()) {
                 search_.stop("the time limit ends");
                 break;
             }
@@ -200,7 +200,7 @@ class Run {
     void remove_surplus() {
         backend_->prune_invisible();
         limits_.prune(*backend_);
-        report_residuals(residuals_.at_end(*backend_, steps_on_views(course_.moment())), iteration_);
+        report_residuals(residuals_.at_end(*backend_, steps_on_views(schedule_.moment())), iteration_);
     }
 
     /// Measures the model as it would be written now.
@@ -221,19 +221,19 @@ class Run {
     }
 
     void loop() {
-        bool stop = watch() == Wish::kStop;
+        bool stop = watch() == WatcherRequest::kStop;
         double interval_start = seconds_now();
         const std::int64_t first_iteration = iteration_;
         const double first_seconds = train_seconds_;
         bool estimated = !length_.ends_by_iterations() || uses_cuda(device_);
-        while (!course_.finished()) {
+        while (!schedule_.finished()) {
             timed([&] { iterate(); });
             if (!estimated && train_seconds_ - first_seconds >= kMeasuredSeconds) {
                 estimated = true;
                 warn_if_long(iteration_ - first_iteration, train_seconds_ - first_seconds);
             }
-            const bool log = iteration_ % kLogInterval == 0 || course_.finished(), report = progress_.due(iteration_);
-            stop = (stop || interrupted()) && !course_.finished();
+            const bool log = iteration_ % kLogInterval == 0 || schedule_.finished(), report = progress_.due(iteration_);
+            stop = (stop || interrupted()) && !schedule_.finished();
             // What is reported or saved is the state after this iteration, and waiting for it is training time.
             if (log || report || stop || something_is_due()) timed([&] { settle(); });
             if (log) {
@@ -246,7 +246,7 @@ class Run {
             }
             save_what_is_due();
             const double watch_start = seconds_now();
-            stop = (watch() == Wish::kStop || stop) && !course_.finished();
+            stop = (watch() == WatcherRequest::kStop || stop) && !schedule_.finished();
             interval_start += seconds_now() - watch_start;
             if (stop) {
                 write_checkpoint();
@@ -262,7 +262,7 @@ class Run {
     void warn_if_long(std::int64_t iterations, double measured) const {
         double pixels = 0;
         for (const View& view : scene_.train) pixels += double(view.camera.width) * view.camera.height;
-        const double seconds = estimate_seconds(length_, densification_,
+        const double seconds = estimate_seconds(length_, densification_options_,
                                                 {.iteration = iteration_,
                                                  .seconds_per_iteration = measured / double(iterations),
                                                  .num_gaussians = backend_->count(),
@@ -277,34 +277,34 @@ class Run {
 
     /// Tells the progress line when the training ends.
     void expect_end() {
-        if (const std::optional<double> left = course_.seconds_left())
+        if (const std::optional<double> left = schedule_.seconds_left())
             progress_.expect_end_in(*left);
         else
-            progress_.expect(course_.expected_iterations());
+            progress_.expect(schedule_.expected_iterations());
     }
 
     /// Shows the training to whoever watches it, and does what they ask for but the end.
-    Wish watch() {
-        const Wish wish = ask(iteration_ % kLogInterval == 0);
-        if (wish == Wish::kSave) untimed([&] { hooks_.saved(iteration_, save_for_watcher()); });
-        return wish;
+    WatcherRequest watch() {
+        const WatcherRequest request = ask(iteration_ % kLogInterval == 0);
+        if (request == WatcherRequest::kSave) untimed([&] { hooks_.saved(iteration_, save_for_watcher()); });
+        return request;
     }
 
     /// Shows the training to whoever watches it. Only where all rows are `current` may the model be read.
-    Wish ask(bool current) {
-        Wish wish = Wish::kNone;
-        if (!hooks_.between) return wish;
+    WatcherRequest ask(bool current) {
+        WatcherRequest request = WatcherRequest::kNone;
+        if (!hooks_.between) return request;
         untimed([&] {
-            wish = hooks_.between({.iteration = iteration_,
-                                   .num_gaussians = backend_->count(),
-                                   .expected_iterations = course_.expected_iterations(),
-                                   .seconds_left = course_.seconds_left(),
-                                   .loss = last_.loss,
-                                   .train_seconds = train_seconds_,
-                                   .rows_current = current},
-                                  *backend_);
+            request = hooks_.between({.iteration = iteration_,
+                                      .num_gaussians = backend_->count(),
+                                      .expected_iterations = schedule_.expected_iterations(),
+                                      .seconds_left = schedule_.seconds_left(),
+                                      .loss = last_.loss,
+                                      .train_seconds = train_seconds_,
+                                      .rows_current = current},
+                                     *backend_);
         });
-        return wish;
+        return request;
     }
 
     /// Writes a checkpoint and the point cloud. That they cannot be written is no reason to end the run; returns it.
@@ -326,7 +326,7 @@ class Run {
     template <class Fn> void untimed(Fn&& fn) {
         const double start = seconds_now();
         fn();
-        if (auto& budget = course_.budget()) budget->leave_out(seconds_now() - start);
+        if (auto& budget = schedule_.budget()) budget->leave_out(seconds_now() - start);
     }
 
     template <class Fn> void timed(Fn&& fn) {
@@ -339,7 +339,7 @@ class Run {
     std::optional<TrainingTime> time() const {
         if (!earlier_time_) return std::nullopt;
         return TrainingTime{train_seconds_, earlier_time_->data_wait_seconds + views_.wait_seconds(),
-                            course_.used_seconds()};
+                            schedule_.used_seconds()};
     }
 
     /// After an error: saves the model as the last finished step left it, if there is one and the device still gives it
@@ -379,31 +379,31 @@ class Run {
     }
 
     void begin(const TrainOptions& options, double used_seconds, std::optional<InitialModel> initial) {
-        if (course_.limits_time()) course_.charge(used_seconds);
+        if (schedule_.limits_time()) schedule_.charge(used_seconds);
         InitOptions init = init_options(options);
         init.most_points = limits_.most_first_points();
         const bool from_points = !initial;
         Gaussians state = from_points ? initialize_gaussians(scene_, appearance_, init)
                                       : start_from(std::move(*initial), scene_, appearance_, options.seed);
-        if (!from_points) schedule_.resume(state.active_degree);
+        if (!from_points) densification_.resume(state.active_degree);
         backend_ = make_backend(backend_options(options));
         if (options.frame_limit) {
             InitOptions smallest = init;
             smallest.most_points = 1;
             limits_.require_feasible(*backend_, initialize_gaussians(scene_, appearance_, smallest));
         }
-        if (course_.limits_time() && from_points && !options.named.contains("init-points")) {
+        if (schedule_.limits_time() && from_points && !options.named.contains("init-points")) {
             backend_->upload(state);
             init.most_points = std::min(
                 state.count,
-                std::max(kLeastPoints, course_.affordable_start(state.count, limits_.view_seconds(*backend_))));
+                std::max(kLeastPoints, schedule_.affordable_start(state.count, limits_.view_seconds(*backend_))));
             if (init.most_points < state.count) {
                 log_debug("time limit {}: begins with {} of {} points, so that there is time for enough steps",
                           options.time_limit->text(), init.most_points, state.count);
                 state = initialize_gaussians(scene_, appearance_, init);
             }
         }
-        state.active_degree = schedule_.active_degree();
+        state.active_degree = densification_.active_degree();
         state.ppisp = photometric_.initial_state();
         if (state.count > options.cap_max)
             log_warning("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count,
@@ -423,14 +423,14 @@ class Run {
         else
             log_warning("the checkpoint does not say how long its {} iterations took: times count from here",
                         iteration_);
-        course_.resume(iteration_, earlier_time_ ? earlier_time_->limited_seconds : 0);
-        photometric_.resume(checkpoint.state, course_.moment());
-        schedule_.resume(checkpoint.state.active_degree);
+        schedule_.resume(iteration_, earlier_time_ ? earlier_time_->limited_seconds : 0);
+        photometric_.resume(checkpoint.state, schedule_.moment());
+        densification_.resume(checkpoint.state.active_degree);
         backend_ = make_backend(backend_options(options));
         backend_->upload(checkpoint.state);
         writer_.write_config();
         log_info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
-        if (course_.finished() && options.ends_by_iterations())
+        if (schedule_.finished() && options.ends_by_iterations())
             log_warning("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_,
                         options.iterations);
     }
@@ -439,23 +439,24 @@ class Run {
         // First, since it may fail: nothing of this iteration is done yet, and a checkpoint continues before it.
         const std::vector<StepView> steps = next_steps();
         const auto num_views = std::int64_t(steps.size());
-        const Moment moment = course_.moment();
+        const ScheduleMoment moment = schedule_.moment();
         decide_photometric(moment);
         const bool hold = multiples_passed(moment.before, moment.position, kDegreeInterval) > 0 &&
                           photometric_.holds_view_dependence(*backend_, moment);
-        writer_.log_change(schedule_.before_step(
-                               *backend_, moment, hold,
-                               [&] { return course_.most_gaussians(backend_->count(), limits_.most_now(*backend_)); }),
-                           iteration_ + 1);
+        writer_.log_change(
+            densification_.before_step(
+                *backend_, moment, hold,
+                [&] { return schedule_.most_gaussians(backend_->count(), limits_.most_now(*backend_)); }),
+            iteration_ + 1);
         report_residuals(residuals_.before_step(*backend_, moment, steps_on_views(moment)), iteration_ + 1);
         std::vector<StepRequest> requests;
         for (const StepView& step : steps) requests.push_back(composer_.compose(step, moment));
         if (num_views > 1) StepComposer::combine(requests);
         backend_->step_on(requests);
         last_moment_ = moment;
-        writer_.log_change(schedule_.after_step(*backend_, moment), iteration_ + num_views);
+        writer_.log_change(densification_.after_step(*backend_, moment), iteration_ + num_views);
         iteration_ += num_views;
-        course_.advance(backend_->count(), num_views);
+        schedule_.advance(backend_->count(), num_views);
         if (iteration_ / kMaxSkips > (iteration_ - num_views) / kMaxSkips) read_stats();
         if (iteration_ % kLogInterval == 0) {
             prune_nonfinite();
@@ -483,12 +484,12 @@ class Run {
         std::vector<StepView> steps;
         for (std::int64_t k = 0; iteration_ + k < end; ++k)
             steps.push_back(
-                views_.at(iteration_ + k, last_iteration(), course_.reduction(), backend_->needs_pixels(int(k))));
+                views_.at(iteration_ + k, last_iteration(), schedule_.reduction(), backend_->needs_pixels(int(k))));
         return steps;
     }
 
     /// Returns where steps on single views at `moment` come from. Each is valid until the next is asked for.
-    StepSource steps_on_views(const Moment& moment) {
+    StepSource steps_on_views(const ScheduleMoment& moment) {
         return [this, moment](std::size_t view) {
             return composer_.compose(StepView{view, views_.image(view), views_.fixed_background()}, moment);
         };
@@ -508,7 +509,7 @@ class Run {
                      {"loss_dB", change->loss}});
     }
 
-    void decide_photometric(const Moment& moment) {
+    void decide_photometric(const ScheduleMoment& moment) {
         const auto decision = photometric_.decide(*backend_, moment, views_.fixed_background(),
                                                   [&](std::size_t view) { return views_.image(view); });
         if (!decision) return;
@@ -529,7 +530,7 @@ class Run {
         photometric_.add_controllers(*backend_);
         // Under a time limit the controllers have what is left of it, unless their number was named.
         const bool by_time = !controller_limit_;
-        const auto& budget = course_.budget();
+        const auto& budget = schedule_.budget();
         const auto due = [&](std::int64_t k) {
             if (k > 0 && budget && budget->elapsed() >= budget->limit() - kControllerEnd) return false;
             return by_time || k < *controller_limit_;
@@ -540,11 +541,11 @@ class Run {
         progress_.start(controller_limit_.value_or(0), 0, "controller");
         std::int64_t k = 0;
         for (; due(k); ++k) {
-            if (interrupted() || ask(false) == Wish::kStop) {
+            if (interrupted() || ask(false) == WatcherRequest::kStop) {
                 progress_.finish();
                 throw Interrupted("interrupted after " + std::to_string(k) +
                                   " iterations of the controllers, which are lost; the model is written" +
-                                  (course_.limits_time() ? "" : " and its checkpoint; " + how_to_continue()));
+                                  (schedule_.limits_time() ? "" : " and its checkpoint; " + how_to_continue()));
             }
             const StepView step =
                 views_.at(iteration_ + k, by_time ? last_iteration() : iteration_ + *controller_limit_);
@@ -565,7 +566,7 @@ class Run {
 
     /// Keeps a share of a time limit for the controllers, as long as they would have in a run of iterations.
     void keep_time_for_controllers() {
-        auto& budget = course_.budget();
+        auto& budget = schedule_.budget();
         if (!budget || !photometric_.trains_controllers()) return;
         constexpr double kShare = 1.0 / 7;
         const double mean_step = budget->elapsed() / double(std::max<std::int64_t>(1, iteration_));
@@ -614,7 +615,7 @@ class Run {
                      {"ssim", last_.ssim},
                      {"num_gaussians", backend_->count()},
                      {"num_instances", last_.num_instances},
-                     {"active_degree", schedule_.active_degree()},
+                     {"active_degree", densification_.active_degree()},
                      {"milliseconds", 1e3 * interval_seconds},
                      {"data_wait_milliseconds", 1e3 * (wait - logged_wait_)},
                      {"train_seconds", train_seconds_}});
@@ -641,8 +642,8 @@ class Run {
     }
 
     void save_what_is_due() {
-        // Whether a stretch of a search is the last one is known only when it has been measured.
-        const bool last = course_.finished() && !length_.target_psnr;
+        // Whether a segment of a search is the last one is known only when it has been measured.
+        const bool last = schedule_.finished() && !length_.target_psnr;
         if (output_.preview_every && iteration_ % *output_.preview_every == 0)
             writer_.write_preview(*backend_, views_.fixed_background(), iteration_);
         if (contains(output_.save_iterations, iteration_) && !last) writer_.write_point_cloud(*backend_, iteration_);
@@ -651,7 +652,7 @@ class Run {
             writer_.check_folder();
             const double start = seconds_now();
             evaluate(false);
-            if (auto& budget = course_.budget()) budget->leave_out(seconds_now() - start);
+            if (auto& budget = schedule_.budget()) budget->leave_out(seconds_now() - start);
         }
         // Last: a run that is killed in between resumes before this iteration and writes the other files once more.
         if (contains(output_.checkpoint_iterations, iteration_) && !last) {
@@ -666,7 +667,7 @@ class Run {
     /// them would do, too. That it cannot be written is no reason to end the run.
     void save_automatically() {
         const double seconds = train_seconds_ - checkpoint_seconds_, interval = automatic_interval(output_);
-        if (iteration_ % kLogInterval != 0 || course_.finished() || seconds < interval ||
+        if (iteration_ % kLogInterval != 0 || schedule_.finished() || seconds < interval ||
             contains(output_.checkpoint_iterations, iteration_))
             return;
         checkpoint_seconds_ = train_seconds_;
@@ -698,7 +699,7 @@ class Run {
         prune_nonfinite();
         // Before the final pruning: a longer run goes on from here as if it had not stopped. A time limit is better
         // spent on steps than on a file three times as large as the model.
-        if (!course_.limits_time()) write_checkpoint();
+        if (!schedule_.limits_time()) write_checkpoint();
         writer_.begin_final_lines();
         if (residuals_.views_at_end() > 0)
             timed([&] { remove_surplus(); });  // the last choice is training, what limits take away is saving
@@ -710,12 +711,12 @@ class Run {
                 "after training no Gaussian is visible (all opacities below 1/255): lower opacity-reg or opacity-lr, "
                 "and look whether the images show anything (not one colour, not masked everywhere)");
         writer_.write_point_cloud(*backend_, iteration_);
-        if (course_.limits_time()) remove_automatic_checkpoints(writer_.folder(), iteration_ + 1);
+        if (schedule_.limits_time()) remove_automatic_checkpoints(writer_.folder(), iteration_ + 1);
         const double controllers_start = seconds_now(), saving_seconds = controllers_start - steps_end;
         train_controllers();
         const double controller_seconds = photometric_.trains_controllers() ? seconds_now() - controllers_start : 0;
         if (controller_seconds > 0) writer_.write_ppisp(*backend_, iteration_);
-        const double limited_seconds = course_.used_seconds();
+        const double limited_seconds = schedule_.used_seconds();
         const double frame_seconds = limits_.limits_frames() ? limits_.frame_seconds(*backend_) : 0;
         photometric_.report(*backend_);
         if (nonfinite_gradients_)
@@ -746,7 +747,7 @@ class Run {
     const OutputOptions output_;
     const ScheduleOptions length_;
     const Device device_;
-    const DensificationOptions densification_;
+    const DensificationOptions densification_options_;
     const std::optional<std::int64_t> controller_limit_;
     const Scene& scene_;
     Progress& progress_;
@@ -754,9 +755,9 @@ class Run {
     AppearanceSpec appearance_;
     TrainingViews views_;
     ModelLimits limits_;
-    Course course_;
+    TrainingSchedule schedule_;
     TargetSearch search_;
-    DensificationSchedule schedule_;
+    DensificationSchedule densification_;
     Photometric photometric_;
     const StepComposer composer_;
     const ResidualShare residuals_;
@@ -765,7 +766,7 @@ class Run {
     std::optional<Gaussians> kept_;  ///< in the search for a target: the smallest model that reached it
     std::int64_t iteration_ = 0;     ///< finished iterations
     StepStats last_;
-    Moment last_moment_;
+    ScheduleMoment last_moment_;
     double train_seconds_ = 0, logged_wait_ = 0;
     std::optional<TrainingTime> earlier_time_ = TrainingTime{};  ///< of the parts before a resume; empty = unknown
     double checkpoint_seconds_ = 0;                              ///< train_seconds_ at the last checkpoint

@@ -29,7 +29,7 @@ struct TestScores {
 };
 
 /// What a watcher of a training may ask for.
-enum class Wish {
+enum class WatcherRequest {
     kNone,
     kSave,  ///< write a checkpoint and the point cloud
     kStop,  ///< as Ctrl-C: write a checkpoint and end
@@ -47,7 +47,7 @@ struct TrainProgress {
 
 struct TrainHooks {
     /// Called before the first iteration and after every one. It may wait; its time does not count as training time.
-    std::function<Wish(const TrainProgress& progress, Backend& backend)> between;
+    std::function<WatcherRequest(const TrainProgress& progress, Backend& backend)> between;
     /// Called when kSave was done, with what went wrong, or an empty text. Set wherever `between` is.
     std::function<void(std::int64_t iteration, const std::string& error)> saved;
     /// Called after `iteration` iterations if options.test_iterations lists it, and at the end, with the pruned model

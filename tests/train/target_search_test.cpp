@@ -12,32 +12,32 @@ namespace {
 /// Plays a search whose models have the PSNR of a formula.
 struct Played {
     TargetOutcome outcome;
-    std::int64_t steps = 0, count = 0, most_count = 0, stretches = 0;
+    std::int64_t steps = 0, count = 0, most_count = 0, segments = 0;
 
     double psnr() const { return 20 + 1.2 * std::log2(double(steps) / 1000) + 0.9 * std::log2(double(count) / 1000); }
 
     Played(double target, std::int64_t most_steps, std::int64_t cap, std::int64_t first = 10000) : count(first) {
         TargetSearch search(target, 20, most_steps, cap);
         std::int64_t kept_count = 0;
-        const auto follow = [&](const Stretch& stretch) {
-            EXPECT_GT(stretch.steps, 0);
-            EXPECT_LT(++stretches, 40) << "does not end";
-            steps += stretch.steps;
-            count = std::max(count, stretch.most_gaussians);  // growth takes what it may
+        const auto follow = [&](const ScheduleSegment& segment) {
+            EXPECT_GT(segment.steps, 0);
+            EXPECT_LT(++segments, 40) << "does not end";
+            steps += segment.steps;
+            count = std::max(count, segment.most_gaussians);  // growth takes what it may
             EXPECT_LE(count, std::max(first, cap));
             most_count = std::max(most_count, count);
         };
         follow(search.first(0, count));
-        while (stretches < 40) {
+        while (segments < 40) {
             const TargetStep step = search.next({steps, count, psnr()});
             if (step.keep) kept_count = count;
             if (step.restore) count = kept_count;
-            if (step.stretch.steps == 0) break;
+            if (step.segment.steps == 0) break;
             if (step.prune_to > 0) {
                 EXPECT_LT(step.prune_to, count) << "a smaller model";
                 count = step.prune_to;
             }
-            follow(step.stretch);
+            follow(step.segment);
         }
         outcome = search.outcome();
     }
@@ -50,7 +50,7 @@ TEST(TargetSearch, EndsAtTheSmallestModelThatIsNearAboveTheTarget) {
         EXPECT_GE(played.outcome.psnr, target);
         EXPECT_LE(played.outcome.psnr, target + 0.15) << target;
         EXPECT_EQ(played.outcome.count, played.count) << "the model that the run ends with";
-        EXPECT_EQ(played.outcome.measurements, played.stretches);
+        EXPECT_EQ(played.outcome.measurements, played.segments);
     }
 }
 
@@ -81,9 +81,9 @@ TEST(TargetSearch, TheFirstTrainingSeesEveryViewOftenEnough) {
 
 TEST(TargetSearch, TrainsToTheLastStepWhereThereIsHope) {
     TargetSearch search(29.2, 20, 30000, 100000);
-    EXPECT_EQ(search.next({14000, 100000, 28}).stretch.steps, 14000);
-    EXPECT_EQ(search.next({28000, 100000, 29}).stretch.steps, 2000);
-    EXPECT_EQ(search.next({30000, 100000, 29.1}).stretch.steps, 0);
+    EXPECT_EQ(search.next({14000, 100000, 28}).segment.steps, 14000);
+    EXPECT_EQ(search.next({28000, 100000, 29}).segment.steps, 2000);
+    EXPECT_EQ(search.next({30000, 100000, 29.1}).segment.steps, 0);
     const TargetOutcome outcome = search.outcome();
     EXPECT_FALSE(outcome.reached);
     EXPECT_EQ(outcome.psnr, 29.1);
@@ -126,11 +126,11 @@ TEST(TargetSearch, AResumedRunGoesOnFromWhatItHas) {
     EXPECT_EQ(search.first(1000, 100).steps, 0);
     EXPECT_EQ(search.first(7000, 100).steps, 0);
     const TargetStep below = search.next({7000, 50000, 28});
-    EXPECT_EQ(below.stretch.steps, 7000);
+    EXPECT_EQ(below.segment.steps, 7000);
     EXPECT_EQ(below.prune_to, 0);
-    EXPECT_GT(below.stretch.from, 0) << "rates do not begin anew";
+    EXPECT_GT(below.segment.from, 0) << "rates do not begin anew";
     const TargetStep end = search.next({30000, 100000, 29});
-    EXPECT_EQ(end.stretch.steps, 0);
+    EXPECT_EQ(end.segment.steps, 0);
 }
 
 }  // namespace

@@ -190,7 +190,7 @@ void LivePage::add_psnr(std::int64_t iteration, double psnr, const std::string& 
     psnr_of_ = what;
 }
 
-LiveWishes LivePage::wishes() const {
+WatcherRequests LivePage::requests() const {
     const std::lock_guard lock(mutex_);
     return wishes_;
 }

@@ -87,7 +87,7 @@ struct LivePageFacts {
 };
 
 /// What the buttons asked for and nobody has done yet.
-struct LiveWishes {
+struct WatcherRequests {
     bool pause = false, save = false, stop = false;
 };
 
@@ -113,8 +113,8 @@ class LivePage {
     /// Adds a point to the curve of PSNR; `what` names what was measured.
     void add_psnr(std::int64_t iteration, double psnr, const std::string& what);
 
-    LiveWishes wishes() const;
-    /// Forgets a wish to save, which is done.
+    WatcherRequests requests() const;
+    /// Forgets a request to save, which is done.
     void saved();
 
     /// Waits until a watching page has the last state and snapshot, at most `seconds`.
@@ -136,7 +136,7 @@ class LivePage {
     std::filesystem::path snapshot_;
     std::int64_t version_ = 0, snapshot_iteration_ = 0, fetched_ = 0;
     std::vector<std::weak_ptr<void>> transfers_;  ///< snapshots on their way
-    LiveWishes wishes_;
+    WatcherRequests wishes_;
     std::atomic<double> looked_ = -1e9;  ///< when a page last asked
     bool told_last_ = false;             ///< a page has asked since the last change of the state
     FileServer server_;

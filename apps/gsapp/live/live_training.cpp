@@ -98,7 +98,7 @@ void LiveTraining::take_snapshot(std::int64_t iteration, Backend& backend, bool 
         begin_snapshot(iteration, backend, measured);
     } catch (const std::exception& e) {
         page_.tell({{"snapshot_error", e.what()}});
-        pace_.spent(started_, seconds_now() - started_);
+        throttle_.spent(started_, seconds_now() - started_);
     }
 }
 
@@ -126,28 +126,28 @@ void LiveTraining::begin_snapshot(std::int64_t iteration, Backend& backend, bool
     packing_ = std::async(std::launch::async, std::move(work));
 }
 
-Wish LiveTraining::between(const TrainProgress& progress, Backend& backend) {
-    if (packing_.valid() && !is_packing()) pace_.spent(started_, device_seconds_ + packing_.get());
-    const LiveWishes wishes = page_.wishes();
-    if (wishes.stop) return Wish::kStop;
+WatcherRequest LiveTraining::between(const TrainProgress& progress, Backend& backend) {
+    if (packing_.valid() && !is_packing()) throttle_.spent(started_, device_seconds_ + packing_.get());
+    const WatcherRequests requests = page_.requests();
+    if (requests.stop) return WatcherRequest::kStop;
     if (page_.watched()) {
         const double now = seconds_now();
         if (now - told_ >= kTellSeconds) {
             tell("training", progress);
             told_ = now;
         }
-        if (progress.rows_current && !packing_.valid() && pace_.due(now))
+        if (progress.rows_current && !packing_.valid() && throttle_.due(now))
             take_snapshot(progress.iteration, backend, progress.iteration > 0);
     }
-    if (wishes.pause) {
+    if (requests.pause) {
         tell("paused", progress);
-        while (page_.wishes().pause && !page_.wishes().stop && !interrupted())
+        while (page_.requests().pause && !page_.requests().stop && !interrupted())
             std::this_thread::sleep_for(std::chrono::milliseconds(20));
         told_ = 0;
-        if (page_.wishes().stop) return Wish::kStop;
+        if (page_.requests().stop) return WatcherRequest::kStop;
         tell("training", progress);
     }
-    return page_.wishes().save && progress.rows_current ? Wish::kSave : Wish::kNone;
+    return page_.requests().save && progress.rows_current ? WatcherRequest::kSave : WatcherRequest::kNone;
 }
 
 void LiveTraining::saved(std::int64_t iteration, const std::string& error) {

@@ -16,7 +16,7 @@
 namespace gs {
 
 /// Spaces out work that costs the training time, so that it takes at most a small share of it.
-class Pace {
+class Throttle {
   public:
     static constexpr double kMostShare = 0.03;    ///< of the time from the beginning of one piece of work to the next
     static constexpr double kLeastSeconds = 2.0;  ///< between two pieces
@@ -30,8 +30,8 @@ class Pace {
 };
 
 /// Serves the page of one training. While nobody looks it costs the training nothing but a look at a clock; what it
-/// costs else is bounded by Pace. It reads the model only where that changes nothing (TrainProgress::rows_current), so
-/// a run that was watched is the same as one that was not.
+/// costs else is bounded by Throttle. It reads the model only where that changes nothing (TrainProgress::rows_current),
+/// so a run that was watched is the same as one that was not.
 class LiveTraining {
   public:
     /// `options` and `scene` must outlive the object. Throws what LivePage throws.
@@ -43,7 +43,7 @@ class LiveTraining {
 
     /// Does what is due between two iterations: news, a snapshot, what the buttons asked for. Waits while the training
     /// is paused. Returns what the trainer is to do.
-    Wish between(const TrainProgress& progress, Backend& backend);
+    WatcherRequest between(const TrainProgress& progress, Backend& backend);
     /// Says that what was asked for is saved, or why it could not be.
     void saved(std::int64_t iteration, const std::string& error);
     /// Shows the finished model.
@@ -66,7 +66,7 @@ class LiveTraining {
     const Scene& scene_;
     const std::vector<View> views_;
     LivePage page_;
-    Pace pace_;
+    Throttle throttle_;
     bool ended_ = false;
     double told_ = 0;                  ///< when `tell` last did
     double rate_ = 0;                  ///< iterations per second of training; 0: not known

@@ -16,8 +16,8 @@
 #include "lib/export/pack_scene.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/ply.h"
-#include "lib/train/course.h"
 #include "lib/train/residual_share.h"
+#include "lib/train/training_schedule.h"
 
 namespace gs {
 namespace {
@@ -45,7 +45,7 @@ std::string megabytes(std::int64_t bytes) { return fmt::format("{:.3g} MB", 1e-6
 constexpr std::int64_t kPixelsPerGaussian = 20;
 
 /// Notes the number of Gaussians of a full run: --cap-max, or fewer where the images could not tell so many.
-void note_full_count(Plan& plan, const TrainOptions& options, const Scene& scene) {
+void note_full_count(TrainingPlan& plan, const TrainOptions& options, const Scene& scene) {
     std::int64_t pixels = 0;
     for (const View& view : scene.train) pixels += std::int64_t(view.camera.width) * view.camera.height;
     const std::int64_t by_images = std::max<std::int64_t>(1, pixels / kPixelsPerGaussian);
@@ -57,7 +57,8 @@ void note_full_count(Plan& plan, const TrainOptions& options, const Scene& scene
 
 /// Returns the loss of a training of so many iterations; empty where the length is found by a search, and where the
 /// losses of the recipe were not measured.
-std::optional<double> loss_of_iterations(const Plan& plan, const TrainOptions& options, std::int64_t iterations) {
+std::optional<double> loss_of_iterations(const TrainingPlan& plan, const TrainOptions& options,
+                                         std::int64_t iterations) {
     if (options.recipe != Recipe::kFrontier || options.target_psnr || iterations == 0 || plan.num_views == 0)
         return std::nullopt;
     return loss_of_length(double(iterations) / double(plan.num_views));
@@ -74,13 +75,13 @@ std::string loss_words(double loss, const TrainOptions& options) {
 }
 
 /// Returns the option that keeps a model of so many Gaussians from more of them.
-const char* limit_of_count(const Plan& plan, const TrainOptions& options, std::int64_t count) {
+const char* limit_of_count(const TrainingPlan& plan, const TrainOptions& options, std::int64_t count) {
     if (plan.size && double(count) > kLeastUse * double(plan.size->most_gaussians)) return "a larger --size-limit";
     if (options.frame_limit) return "a longer --frame-limit";
     return !options.time_limit ? "a training of more --iterations" : "a longer --time-limit";
 }
 
-void plan_the_time(Plan& plan, const TrainOptions& options) {
+void plan_the_time(TrainingPlan& plan, const TrainOptions& options) {
     const bool limited = options.time_limit.has_value();
     const std::int64_t iterations = limited ? wanted_steps(plan.num_views) : options.iterations;
     const std::optional<double> loss = loss_of_iterations(plan, options, iterations);
@@ -101,7 +102,7 @@ void plan_the_time(Plan& plan, const TrainOptions& options) {
     if (loss) plan.json["estimated_loss"]["length"]["planned"] = *loss;
 }
 
-void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) {
+void plan_the_size(TrainingPlan& plan, const TrainOptions& options, const Scene& scene) {
     plan.size = plan_size(options, scene);
     const SizePlan& size = *plan.size;
     const std::int64_t most = std::min(size.most_gaussians, options.cap_max);
@@ -129,7 +130,7 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
 }
 
 /// Says what length and number of Gaussians have cost by the estimate.
-void note_loss(Plan& plan, const TrainOptions& options, const TrainSummary& summary) {
+void note_loss(TrainingPlan& plan, const TrainOptions& options, const TrainSummary& summary) {
     const std::optional<double> length = loss_of_iterations(plan, options, summary.iterations);
     if (!length || summary.num_gaussians == 0) return;
     const double count = loss_of_count(summary.num_gaussians, plan.full_count);
@@ -196,8 +197,8 @@ SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
     return plan;
 }
 
-Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out) {
-    Plan plan;
+TrainingPlan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out) {
+    TrainingPlan plan;
     if (!options.time_limit && !options.size_limit && !options.frame_limit && !options.target_psnr &&
         options.preset == Preset::kNone)
         return plan;
@@ -226,7 +227,7 @@ Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held
     return plan;
 }
 
-std::string training_words(const Plan& plan, const TrainOptions& options) {
+std::string training_words(const TrainingPlan& plan, const TrainOptions& options) {
     std::vector<std::string> words;
     if (options.strategy != Strategy::kNone) {
         const bool by_size = plan.size && plan.size->most_gaussians < options.cap_max;
@@ -243,7 +244,7 @@ std::string training_words(const Plan& plan, const TrainOptions& options) {
     return fmt::format("{}", fmt::join(words, ", "));
 }
 
-void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& summary) {
+void note_outcome(TrainingPlan& plan, const TrainOptions& options, const TrainSummary& summary) {
     if (plan.json.is_null()) return;
     if (summary.limited_seconds > 0) {
         log_debug("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving",

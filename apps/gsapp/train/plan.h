@@ -47,7 +47,7 @@ struct SizePlan {
 SizePlan plan_size(const TrainOptions& options, const Scene& scene);
 
 /// What a run with constraints intends, and what came of it.
-struct Plan {
+struct TrainingPlan {
     std::vector<std::string> lines;  ///< for people, before the training
     std::string estimate;            ///< what the length costs, and the option that changes it; empty if not estimated
     nlohmann::ordered_json json;     ///< for results.json; null without constraints
@@ -59,13 +59,13 @@ struct Plan {
 
 /// Returns the plan of a run; empty if `options` name neither limit, target nor preset. Throws UsageError for a limit
 /// that cannot be met. `held_out` is the number of views held out for --target-psnr.
-Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out = 0);
+TrainingPlan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out = 0);
 
 /// Returns what `options` and `plan` ask for, in words for the line that opens a training: "at most 100000 Gaussians
 /// (--cap-max), 30000 iterations".
-std::string training_words(const Plan& plan, const TrainOptions& options);
+std::string training_words(const TrainingPlan& plan, const TrainOptions& options);
 
 /// Adds what came of it to the plan's json and to the log.
-void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& summary);
+void note_outcome(TrainingPlan& plan, const TrainOptions& options, const TrainSummary& summary);
 
 }  // namespace gs

@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "apps/gsapp/train/train_run.h"
-#include "eval/experiments/cell.h"
+#include "eval/experiments/job.h"
 #include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/core/log.h"

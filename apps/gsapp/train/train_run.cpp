@@ -227,7 +227,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     if (options.appearance == kAutoAppearance && !options.resume.empty())
         options.appearance = checkpoint_appearance(options);
     // Limits that cannot be met are refused while an earlier run in the folder is still whole.
-    Plan plan;
+    TrainingPlan plan;
     const std::size_t held_out = target ? target->count() : 0;
     if (options.appearance != kAutoAppearance) plan = make_plan(options, scene, held_out);
     std::optional<LiveTraining> live;  // refused, too, while an earlier run is whole

@@ -10,7 +10,7 @@
 #include "kernels/base/clock.h"
 #include "lib/core/options.h"
 #include "lib/scene/scene.h"
-#include "lib/train/rehearsal.h"
+#include "lib/train/trial_training.h"
 
 namespace gs {
 namespace {
@@ -174,7 +174,7 @@ TEST(FindAppearance, TakesNoneWhereMasksLeaveNothing) {
     EXPECT_NE(report.lines.front().find("masks"), std::string::npos) << report.lines.front();
 }
 
-TEST(Rehearsal, AStretchThatTakesTooLongHasNoResult) {
+TEST(TrialTraining, AStretchThatTakesTooLongHasNoResult) {
     TrainOptions options;
     options.source = "builtin:diffuse";
     options.resolution = 16;
@@ -182,10 +182,10 @@ TEST(Rehearsal, AStretchThatTakesTooLongHasNoResult) {
     options.device = Device::kCpu;
     options = resolve(options);
     const Scene scene = load_scene(options);
-    Rehearsal rehearsal(options, scene);
-    const Gaussians begun = rehearsal.begin(2).backend->download(false);
-    EXPECT_FALSE(rehearsal.continue_with(begun, begun.appearance, 1000000000, 0.05));
-    EXPECT_TRUE(rehearsal.continue_with(begun, begun.appearance, 2, 1e9));
+    TrialTraining trial(options, scene);
+    const Gaussians begun = trial.begin(2).backend->download(false);
+    EXPECT_FALSE(trial.continue_with(begun, begun.appearance, 1000000000, 0.05));
+    EXPECT_TRUE(trial.continue_with(begun, begun.appearance, 2, 1e9));
 }
 
 // The words and the JSON of made-up measurements.

@@ -51,7 +51,7 @@ TEST(Plan, SaysWhatIsLimitedAndWhatCameOfIt) {
     TrainOptions o = three_megabytes();
     o.time_limit = parse_duration("20s", ""), o.cap_max = 24160;
     o = resolve(o);
-    Plan plan = make_plan(o, scene_of_the_plan());
+    TrainingPlan plan = make_plan(o, scene_of_the_plan());
     ASSERT_EQ(plan.lines.size(), 3u);
     EXPECT_NE(plan.lines[0].find("20.0 s from the first step to the saved model"), std::string::npos);
     EXPECT_NE(plan.lines[0].find("iterations, by estimate about 0.8 dB below a training of any length"),
@@ -81,7 +81,7 @@ TEST(Plan, ComparesWithNoMoreGaussiansThanTheImagesTell) {
     o = resolve(o);
     std::int64_t pixels = 0;
     for (const View& view : scene_of_the_plan().train) pixels += view.camera.width * view.camera.height;
-    const Plan plan = make_plan(o, scene_of_the_plan());
+    const TrainingPlan plan = make_plan(o, scene_of_the_plan());
     EXPECT_EQ(plan.full_count, pixels / 20);
     EXPECT_NE(
         plan.lines[1].find(std::to_string(pixels / 20) + " Gaussians (one for every 20 pixels of the training images)"),
@@ -107,7 +107,7 @@ TEST(Plan, ACapBelowTheSizeIsSaidBefore) {
     TrainOptions o = three_megabytes();
     o.cap_max = 1000;
     o = resolve(o);
-    const Plan plan = make_plan(o, scene_of_the_plan());
+    const TrainingPlan plan = make_plan(o, scene_of_the_plan());
     EXPECT_EQ(plan.json["size"]["most_gaussians"], 1000);
     EXPECT_NE(plan.lines[2].find("--cap-max ends there"), std::string::npos) << plan.lines[2];
 }

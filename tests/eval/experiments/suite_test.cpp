@@ -28,34 +28,34 @@ TrainOptions base_options() {
 TEST(Suite, DensificationVariesTheStrategyAndItsBudget) {
     const auto lines = suite_lines("densification", {"sh", "neural"}, base_options());
     ASSERT_EQ(lines.size(), 8u);
-    const auto& mcmc = lines[0].cell.options;
+    const auto& mcmc = lines[0].job.options;
     EXPECT_EQ(lines[0].row, "MCMC");
-    EXPECT_EQ(lines[0].cell.name, "MCMC, sh");
+    EXPECT_EQ(lines[0].job.name, "MCMC, sh");
     EXPECT_EQ(mcmc.model, "out/mcmc-sh");
     EXPECT_TRUE(mcmc.eval);
     EXPECT_EQ(mcmc.cap_max, 5005);
     EXPECT_EQ(mcmc.opacity_lr, 0.05);
-    EXPECT_EQ(lines[1].cell.options.cap_max, 501) << "a tenth, rounded";
-    EXPECT_EQ(lines[1].cell.options.strategy, Strategy::kMcmc);
-    EXPECT_EQ(lines[2].cell.options.strategy, Strategy::kAdc);
-    EXPECT_EQ(lines[2].cell.options.opacity_lr, 0.025) << "decided by the cell's own strategy";
-    EXPECT_FALSE(lines[2].cell.options.speedy_splat);
-    EXPECT_TRUE(lines[3].cell.options.speedy_splat);
-    EXPECT_EQ(lines[3].cell.options.opacity_lr, 0.05);
+    EXPECT_EQ(lines[1].job.options.cap_max, 501) << "a tenth, rounded";
+    EXPECT_EQ(lines[1].job.options.strategy, Strategy::kMcmc);
+    EXPECT_EQ(lines[2].job.options.strategy, Strategy::kAdc);
+    EXPECT_EQ(lines[2].job.options.opacity_lr, 0.025) << "decided by the job's own strategy";
+    EXPECT_FALSE(lines[2].job.options.speedy_splat);
+    EXPECT_TRUE(lines[3].job.options.speedy_splat);
+    EXPECT_EQ(lines[3].job.options.opacity_lr, 0.05);
     EXPECT_EQ(lines[7].appearance, "neural");
-    EXPECT_EQ(lines[7].cell.options.appearance, "neural");
-    EXPECT_EQ(lines[7].cell.options.model, "out/adc-speedy-neural");
-    EXPECT_EQ(lines[7].cell.options.iterations, 20) << "what the suite does not vary is the caller's";
+    EXPECT_EQ(lines[7].job.options.appearance, "neural");
+    EXPECT_EQ(lines[7].job.options.model, "out/adc-speedy-neural");
+    EXPECT_EQ(lines[7].job.options.iterations, 20) << "what the suite does not vary is the caller's";
 }
 
 TEST(Suite, ActivationsVaryTheFunctionAndTheOpacityRate) {
     const auto lines = suite_lines("activations", {"sh"}, base_options());
     ASSERT_EQ(lines.size(), 12u);
     EXPECT_EQ(lines[4].row, "softplus, opacity rate 0.025");
-    EXPECT_EQ(lines[4].cell.options.color_activation, ColorActivation::kSoftplus);
-    EXPECT_EQ(lines[4].cell.options.opacity_lr, 0.025);
-    EXPECT_TRUE(std::isnan(lines[11].cell.options.opacity_lr));
-    EXPECT_EQ(lines[11].cell.options.model, "out/hardsigmoid-auto-sh");
+    EXPECT_EQ(lines[4].job.options.color_activation, ColorActivation::kSoftplus);
+    EXPECT_EQ(lines[4].job.options.opacity_lr, 0.025);
+    EXPECT_TRUE(std::isnan(lines[11].job.options.opacity_lr));
+    EXPECT_EQ(lines[11].job.options.model, "out/hardsigmoid-auto-sh");
 }
 
 TEST(Suite, MistakesAreUsageErrors) {
@@ -67,19 +67,19 @@ TEST(Suite, MistakesAreUsageErrors) {
     EXPECT_THROW(suite_lines("activations", {"sh"}, nowhere), UsageError);
 }
 
-class SuiteCells : public ::testing::Test {
+class SuiteJobs : public ::testing::Test {
   protected:
-    SuiteCells() {
+    SuiteJobs() {
         TrainOptions base = base_options();
         base.model = tmp_.path().string();
         line_ = suite_lines("densification", {"sh"}, base)[0];
-        write("config.yaml", options_to_yaml(line_.cell.options));
+        write("config.yaml", options_to_yaml(line_.job.options));
         write("point_cloud/iteration_20/point_cloud.ply", "0123456789");
         write("results.json", R"({"ours_20": {"PSNR": 20.5, "SSIM": 0.75}, "num_gaussians": {"ours_20": 123},
                                  "timing": {"ours_20": {"train_seconds": 4, "frame_seconds": 0.5}}})");
     }
     void write(const std::string& name, const std::string& text) {
-        const auto file = std::filesystem::path(line_.cell.options.model) / name;
+        const auto file = std::filesystem::path(line_.job.options.model) / name;
         std::filesystem::create_directories(file.parent_path());
         std::ofstream(file) << text;
     }
@@ -87,9 +87,9 @@ class SuiteCells : public ::testing::Test {
     SuiteLine line_;
 };
 
-TEST_F(SuiteCells, AFinishedRunOfTheSameOptionsIsTaken) {
-    line_.cell.options.quiet = true;  // changes no figure
-    const auto result = finished_cell(line_.cell.options);
+TEST_F(SuiteJobs, AFinishedRunOfTheSameOptionsIsTaken) {
+    line_.job.options.quiet = true;  // changes no figure
+    const auto result = finished_job(line_.job.options);
     ASSERT_TRUE(result);
     EXPECT_EQ(result->psnr, 20.5);
     EXPECT_EQ(result->ssim, 0.75);
@@ -99,28 +99,28 @@ TEST_F(SuiteCells, AFinishedRunOfTheSameOptionsIsTaken) {
     EXPECT_EQ(result->bytes, 10);
 }
 
-TEST_F(SuiteCells, AnotherRunOrABrokenOneIsNot) {
-    Cell other = line_.cell;
+TEST_F(SuiteJobs, AnotherRunOrABrokenOneIsNot) {
+    Job other = line_.job;
     other.options.seed = 7;
-    EXPECT_FALSE(finished_cell(other.options));
+    EXPECT_FALSE(finished_job(other.options));
     EXPECT_FALSE(holds_same_run(other.options));
-    other = line_.cell;
+    other = line_.job;
     other.options.source = "builtin:glossy";
-    EXPECT_FALSE(finished_cell(other.options));
+    EXPECT_FALSE(finished_job(other.options));
     write("results.json", R"({"ours_20": {"PSNR": 20.5, "SSIM": 0.75}, "num_gaussians": {"ours_20": 123}})");
-    EXPECT_FALSE(finished_cell(line_.cell.options)) << "the times come last";
-    EXPECT_TRUE(holds_same_run(line_.cell.options));
+    EXPECT_FALSE(finished_job(line_.job.options)) << "the times come last";
+    EXPECT_TRUE(holds_same_run(line_.job.options));
     write("results.json", "{");
-    EXPECT_FALSE(finished_cell(line_.cell.options));
+    EXPECT_FALSE(finished_job(line_.job.options));
     write("config.yaml", "what: ever\n");
-    EXPECT_FALSE(holds_same_run(line_.cell.options));
+    EXPECT_FALSE(holds_same_run(line_.job.options));
     other.options.model = (tmp_.path() / "nothing").string();
     EXPECT_FALSE(holds_same_run(other.options));
 }
 
-TEST_F(SuiteCells, TableAndJsonNameEveryCell) {
+TEST_F(SuiteJobs, TableAndJsonNameEveryJob) {
     SuiteLine finished = line_, failed = line_, missing = line_;
-    finished.result = finished_cell(line_.cell.options);
+    finished.result = finished_job(line_.job.options);
     failed.row = "ADC", failed.error = "a|b\nc";
     missing.row = "MCMC 0.1x";
     const std::vector<SuiteLine> lines = {finished, failed, missing};
@@ -138,7 +138,7 @@ TEST_F(SuiteCells, TableAndJsonNameEveryCell) {
     EXPECT_TRUE(std::filesystem::exists(tmp_.path() / "suite.md"));
 }
 
-// A suite whose cells nobody trains: what is written, and when.
+// A suite whose jobs nobody trains: what is written, and when.
 
 class SuiteRunTest : public ::testing::Test {
   protected:
@@ -154,16 +154,16 @@ class SuiteRunTest : public ::testing::Test {
     TrainOptions base_;
 };
 
-TEST_F(SuiteRunTest, WritesTheTableAfterEveryCell) {
+TEST_F(SuiteRunTest, WritesTheTableAfterEveryJob) {
     std::vector<std::string> tables;
-    const auto trainer = [&](const std::vector<Cell>& cells, const CellHooks& hooks) {
-        EXPECT_EQ(cells.size(), 4u);
-        EXPECT_EQ(cells[0].name, "MCMC, sh");
+    const auto trainer = [&](const std::vector<Job>& jobs, const JobHooks& hooks) {
+        EXPECT_EQ(jobs.size(), 4u);
+        EXPECT_EQ(jobs[0].name, "MCMC, sh");
         tables.push_back(table());
-        hooks.done(1, {.result = CellResult{.psnr = 21, .num_gaussians = 5}});
+        hooks.done(1, {.result = JobResult{.psnr = 21, .num_gaussians = 5}});
         tables.push_back(table());
         hooks.done(0, {.error = "out of memory", .code = ExitCode::kDevice});
-        return CellsSummary{.num_failed = 1, .first_code = ExitCode::kDevice};
+        return JobsSummary{.num_failed = 1, .first_code = ExitCode::kDevice};
     };
     const SuiteRun done = run_suite("densification", {"sh"}, base_, trainer);
     EXPECT_EQ(done.folder, tmp_.path() / "out");
@@ -178,7 +178,7 @@ TEST_F(SuiteRunTest, WritesTheTableAfterEveryCell) {
 }
 
 TEST_F(SuiteRunTest, MistakesComeBeforeAnyFile) {
-    const auto untouched = [](const std::vector<Cell>&, const CellHooks&) -> CellsSummary {
+    const auto untouched = [](const std::vector<Job>&, const JobHooks&) -> JobsSummary {
         throw std::logic_error("nothing was to be trained");
     };
     EXPECT_THROW(run_suite("everything", {"sh"}, base_, untouched), UsageError);

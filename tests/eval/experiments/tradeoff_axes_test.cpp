@@ -182,23 +182,23 @@ TEST(TradeoffRounds, HalvingTrainsTheSameConfigurationsLongerEachTime) {
 // The plan of a trade-off and its search, with made-up results in place of trainings.
 
 /// Better and dearer with more iterations and, at equal iterations, with sh.
-CellOutcome outcome_of(const TrainOptions& options) {
+JobOutcome outcome_of(const TrainOptions& options) {
     const double cost = double(options.iterations) + (options.appearance == "sh" ? 1 : 0);
-    return {.result = CellResult{20 + cost, 0.5, 100, cost, cost, std::int64_t(cost), std::nullopt, "made up"},
+    return {.result = JobResult{20 + cost, 0.5, 100, cost, cost, std::int64_t(cost), std::nullopt, "made up"},
             .wall_seconds = cost};
 }
 
-/// Ends every cell it is let choose by `outcome`.
-CellsRunner trainer(std::function<CellOutcome(const TrainOptions&)> outcome) {
-    return [outcome](const std::vector<Cell>& cells, const CellHooks& hooks) {
-        CellsSummary summary;
+/// Ends every job it is let choose by `outcome`.
+JobsRunner trainer(std::function<JobOutcome(const TrainOptions&)> outcome) {
+    return [outcome](const std::vector<Job>& jobs, const JobHooks& hooks) {
+        JobsSummary summary;
         std::vector<std::size_t> pending;
-        for (std::size_t k = 0; k < cells.size(); ++k) pending.push_back(k);
+        for (std::size_t k = 0; k < jobs.size(); ++k) pending.push_back(k);
         while (!pending.empty()) {
             const std::optional<std::size_t> k = hooks.choose(pending);
             if (!k) break;
             std::erase(pending, *k);
-            const CellOutcome o = outcome(cells[*k].options);
+            const JobOutcome o = outcome(jobs[*k].options);
             if (!o.error.empty() && summary.num_failed++ == 0) summary.first_code = o.code;
             hooks.done(*k, o);
         }
@@ -252,9 +252,9 @@ TEST_F(TradeoffSearchTest, RefusesWhatCannotBeCompared) {
 
 TEST_F(TradeoffSearchTest, TrainsEveryConfigurationAndKeepsFailures) {
     TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh"}});
-    const CellsSummary summary = search_tradeoff(
+    const JobsSummary summary = search_tradeoff(
         plan, std::nullopt, trainer([](const TrainOptions& options) {
-            return options.appearance == "none" ? CellOutcome{.error = "broken", .code = ExitCode::kNumeric}
+            return options.appearance == "none" ? JobOutcome{.error = "broken", .code = ExitCode::kNumeric}
                                                 : outcome_of(options);
         }));
     EXPECT_EQ(summary.num_failed, 1);
@@ -270,7 +270,7 @@ TEST_F(TradeoffSearchTest, HalvingGoesOnWithTheBetterHalf) {
     TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh,nasg"}, .search = SearchKind::kHalving});
     // nasg costs as much as none and is worse, so that it is the one to go.
     search_tradeoff(plan, std::nullopt, trainer([](const TrainOptions& options) {
-                        CellOutcome outcome = outcome_of(options);
+                        JobOutcome outcome = outcome_of(options);
                         if (options.appearance == "nasg") outcome.result->psnr -= 5;
                         return outcome;
                     }));
@@ -287,7 +287,7 @@ TEST_F(TradeoffSearchTest, HalvingGoesOnWithTheBetterHalf) {
 TEST_F(TradeoffSearchTest, HalvingStopsAfterARoundWithoutTime) {
     TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh"}, .search = SearchKind::kHalving});
     search_tradeoff(plan, Clock::now() + std::chrono::hours(1), trainer([](const TrainOptions& options) {
-                        CellOutcome outcome = outcome_of(options);
+                        JobOutcome outcome = outcome_of(options);
                         outcome.result->train_seconds = 1e6;  // the next one would not end within the hour
                         return outcome;
                     }));
@@ -298,19 +298,19 @@ TEST_F(TradeoffSearchTest, HalvingStopsAfterARoundWithoutTime) {
 
 TEST_F(TradeoffSearchTest, ARunThatTheDeadlineEndsIsMarkedAsStopped) {
     TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh"}});
-    search_tradeoff(plan, Clock::now(), [](const std::vector<Cell>&, const CellHooks& hooks) {
+    search_tradeoff(plan, Clock::now(), [](const std::vector<Job>&, const JobHooks& hooks) {
         hooks.done(0, {.wall_seconds = 1});
-        return CellsSummary{};
+        return JobsSummary{};
     });
     EXPECT_EQ(states(plan.tradeoff), (std::vector<RunState>{RunState::kStopped, RunState::kNoTime}));
 }
 
 TEST_F(TradeoffSearchTest, WhatAnInterruptLeftIsNotReached) {
     TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh"}});
-    const CellsSummary summary =
-        search_tradeoff(plan, std::nullopt, [](const std::vector<Cell>& cells, const CellHooks& hooks) {
-            hooks.done(0, outcome_of(cells[0].options));
-            return CellsSummary{.interrupted = true};
+    const JobsSummary summary =
+        search_tradeoff(plan, std::nullopt, [](const std::vector<Job>& jobs, const JobHooks& hooks) {
+            hooks.done(0, outcome_of(jobs[0].options));
+            return JobsSummary{.interrupted = true};
         });
     EXPECT_TRUE(summary.interrupted);
     EXPECT_EQ(states(plan.tradeoff), (std::vector<RunState>{RunState::kFinished, RunState::kNotReached}));

@@ -34,7 +34,7 @@ class TradeoffFigures : public ::testing::Test {
         TradeoffRun& run = add(appearance, budget);
         run.state = RunState::kFinished;
         run.result =
-            CellResult{psnr, psnr / 40, 1000, train_seconds, frame_seconds, bytes, std::nullopt, "protocol made up"};
+            JobResult{psnr, psnr / 40, 1000, train_seconds, frame_seconds, bytes, std::nullopt, "protocol made up"};
     }
     /// sh 1 is best; nasg 0.1 small and near; none 0.1 smallest and fastest, but far; none 1 dominated.
     void add_usual() {

@@ -102,20 +102,20 @@ TEST_F(Page, SendsPhotographsThatAScreenCanShow) {
 TEST_F(Page, TakesItsButtonsFromTheOneWhoHasTheAddress) {
     for (const std::string& token : {std::string(), std::string("x"), token_ + "0", token_.substr(1)})
         for (const char* name : {"pause", "continue", "save", "stop"}) EXPECT_EQ(post(name, token).status, 403);
-    EXPECT_FALSE(page_->wishes().pause || page_->wishes().save || page_->wishes().stop);
+    EXPECT_FALSE(page_->requests().pause || page_->requests().save || page_->requests().stop);
     EXPECT_EQ(get("/live/stop", "GET", "X-Gsapp-Token: " + token_ + "\r\n").status, 404) << "a link presses nothing";
     EXPECT_EQ(get("/live/stop", "POST", "X-Gsapp-Token: " + token_ + "\r\nContent-Length: 1\r\n\r\nx").status, 405);
     EXPECT_EQ(post("explode", token_).status, 404);
     EXPECT_EQ(post("pause", token_).status, 200);
-    EXPECT_TRUE(page_->wishes().pause);
+    EXPECT_TRUE(page_->requests().pause);
     EXPECT_EQ(post("continue", token_).status, 200);
-    EXPECT_FALSE(page_->wishes().pause);
+    EXPECT_FALSE(page_->requests().pause);
     EXPECT_EQ(post("save", token_).status, 200);
-    EXPECT_TRUE(page_->wishes().save);
+    EXPECT_TRUE(page_->requests().save);
     page_->saved();
-    EXPECT_FALSE(page_->wishes().save);
+    EXPECT_FALSE(page_->requests().save);
     EXPECT_EQ(post("stop", token_).status, 200);
-    EXPECT_TRUE(page_->wishes().stop);
+    EXPECT_TRUE(page_->requests().stop);
 }
 
 TEST_F(Page, RefusesAnotherHostsName) {
@@ -226,8 +226,8 @@ TEST(Curve, KeepsItsLastPointWhereItIsThinned) {
     EXPECT_TRUE(Curve().json(5)["values"].empty());
 }
 
-TEST(Pace, TakesAtMostItsShare) {
-    Pace pace;
+TEST(Throttle, TakesAtMostItsShare) {
+    Throttle pace;
     double now = 10, worked = 0;
     for (const double start = now; now < start + 1000; now += 0.01) {
         if (!pace.due(now)) continue;
@@ -235,8 +235,8 @@ TEST(Pace, TakesAtMostItsShare) {
         pace.spent(now, cost);
         worked += cost, now += cost;
     }
-    EXPECT_LT(worked / 1000, Pace::kMostShare * 1.01);
-    EXPECT_GT(worked / 1000, Pace::kMostShare * 0.9) << "and not much less";
+    EXPECT_LT(worked / 1000, Throttle::kMostShare * 1.01);
+    EXPECT_GT(worked / 1000, Throttle::kMostShare * 0.9) << "and not much less";
     pace.spent(now, 1e-9);
     EXPECT_FALSE(pace.due(now + 1.9));
     EXPECT_TRUE(pace.due(now + 2.1));

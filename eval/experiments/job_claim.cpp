@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Creates, renews, judges and takes over the files of claims.
-#include "eval/experiments/cell_claim.h"
+#include "eval/experiments/job_claim.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -96,7 +96,7 @@ bool has_ended(const std::string& owner) {
 
 }  // namespace
 
-CellNote read_note(const fs::path& file) {
+JobNote read_note(const fs::path& file) {
     std::error_code error;
     const fs::file_time_type time = fs::last_write_time(file, error);
     const std::optional<std::string> text = error ? std::nullopt : content(file);
@@ -105,12 +105,12 @@ CellNote read_note(const fs::path& file) {
     return {std::move(owner), std::move(note), time};
 }
 
-CellClaim::CellClaim(fs::path file, std::string owner, std::chrono::milliseconds renew_every, bool leave)
+JobClaim::JobClaim(fs::path file, std::string owner, std::chrono::milliseconds renew_every, bool leave)
     : file_(std::move(file)), owner_(std::move(owner)), renew_every_(renew_every), leave_(leave), renewer_([this] {
           renew();
       }) {}
 
-CellClaim::~CellClaim() {
+JobClaim::~JobClaim() {
     {
         const std::lock_guard lock(mutex_);
         ends_ = true;
@@ -129,12 +129,12 @@ CellClaim::~CellClaim() {
     }
 }
 
-bool CellClaim::lost() const {
+bool JobClaim::lost() const {
     const std::lock_guard lock(mutex_);
     return lost_;
 }
 
-void CellClaim::renew() {
+void JobClaim::renew() {
     std::unique_lock lock(mutex_);
     while (!wake_.wait_for(lock, renew_every_, [this] { return ends_; })) {
         const std::optional<std::string> owner = content(file_);
@@ -144,7 +144,7 @@ void CellClaim::renew() {
     }
 }
 
-bool CellClaims::held(const fs::path& file) {
+bool JobClaims::held(const fs::path& file) {
     std::error_code error;
     const fs::file_time_type time = fs::last_write_time(file, error);
     if (error) {
@@ -160,7 +160,7 @@ bool CellClaims::held(const fs::path& file) {
     return !has_ended(*owner) && now - seen.since < stale_after_;
 }
 
-std::unique_ptr<CellClaim> CellClaims::take(const fs::path& file) {
+std::unique_ptr<JobClaim> JobClaims::take(const fs::path& file) {
     if (held(file)) return nullptr;
     const std::string owner = new_owner();
     std::error_code error;
@@ -184,13 +184,13 @@ std::unique_ptr<CellClaim> CellClaims::take(const fs::path& file) {
         if (content(file) != owner) return nullptr;
     }
     seen_.erase(file);
-    return std::make_unique<CellClaim>(file, owner, stale_after_ / 6);
+    return std::make_unique<JobClaim>(file, owner, stale_after_ / 6);
 }
 
-std::unique_ptr<CellClaim> CellClaims::tell(const fs::path& file, const std::string& note) {
+std::unique_ptr<JobClaim> JobClaims::tell(const fs::path& file, const std::string& note) {
     const std::string text = new_owner() + note;
     replace_file(file, text);
-    return std::make_unique<CellClaim>(file, text, stale_after_ / 6, true);
+    return std::make_unique<JobClaim>(file, text, stale_after_ / 6, true);
 }
 
 }  // namespace gs

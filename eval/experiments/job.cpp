@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads what a finished run left, and says how a run differs from the one in its folder.
-#include "eval/experiments/cell.h"
+#include "eval/experiments/job.h"
 
 #include <fmt/format.h>
 
@@ -21,7 +21,7 @@ void set_folder(TrainOptions& options, const std::filesystem::path& folder) {
         options.tensorboard = (std::filesystem::path(options.tensorboard) / folder.filename()).string();
 }
 
-nlohmann::ordered_json result_json(const CellResult& r) {
+nlohmann::ordered_json result_json(const JobResult& r) {
     nlohmann::ordered_json json;
     json["PSNR"] = std::isfinite(r.psnr) ? nlohmann::ordered_json(r.psnr) : nlohmann::ordered_json(nullptr);
     json["SSIM"] = r.ssim;
@@ -33,15 +33,15 @@ nlohmann::ordered_json result_json(const CellResult& r) {
     return json;
 }
 
-std::optional<CellResult> finished_cell(const TrainOptions& options) {
+std::optional<JobResult> finished_job(const TrainOptions& options) {
     const std::optional<TableRow> row = finished_run(options);
     if (!row || !row->num_gaussians || !row->frame_seconds) return std::nullopt;
     std::error_code ignored;
     std::uintmax_t bytes =
         std::filesystem::file_size(RunFolder{options.model}.point_cloud(ended_at(options).value_or(0)), ignored);
     if (options.size_limit) bytes = std::uintmax_t(row->planned_bytes.value_or(std::int64_t(bytes)));
-    return CellResult{row->psnr,           row->ssim,           *row->num_gaussians,    *row->train_seconds,
-                      *row->frame_seconds, std::int64_t(bytes), row->peak_device_bytes, row->protocol};
+    return JobResult{row->psnr,           row->ssim,           *row->num_gaussians,    *row->train_seconds,
+                     *row->frame_seconds, std::int64_t(bytes), row->peak_device_bytes, row->protocol};
 }
 
 std::string difference_to_run(const TrainOptions& options) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs the stretches, and carries a model over to another appearance.
-#include "lib/train/rehearsal.h"
+// Runs the segments, and carries a model over to another appearance.
+#include "lib/train/trial_training.h"
 
 #include <algorithm>
 #include <limits>
@@ -58,10 +58,10 @@ Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearan
 
 }  // namespace
 
-Rehearsal::Rehearsal(const TrainOptions& options, const Scene& scene)
+TrialTraining::TrialTraining(const TrainOptions& options, const Scene& scene)
     : options_(options), scene_(scene), views_(options_, scene_), photometric_(options_, scene_) {}
 
-Rehearsed Rehearsal::begin(std::int64_t iterations) {
+TrialResult TrialTraining::begin(std::int64_t iterations) {
     const AppearanceSpec appearance = appearance_spec(options_);
     const StepComposer composer(options_, appearance, scene_, &photometric_);
     std::vector<RenderRequest> training_views;
@@ -71,11 +71,11 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
                                    training_views);
     Gaussians state = initialize_gaussians(scene_, appearance, init_options(options_));
     state.ppisp = photometric_.initial_state();
-    Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
+    TrialResult result{make_backend(options_.device, appearance, backend_options(options_))};
     result.backend->upload(state);
     run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(),
         [&](std::int64_t k, const StepView& view) {
-            const Moment moment = moment_at(options_, k);
+            const ScheduleMoment moment = moment_at(options_, k);
             schedule.before_step(*result.backend, moment);
             return composer.compose(view, moment);
         });
@@ -83,13 +83,13 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     return result;
 }
 
-std::optional<Rehearsed> Rehearsal::continue_with(const Gaussians& state, const AppearanceSpec& appearance,
-                                                  std::int64_t iterations, double most_seconds) {
+std::optional<TrialResult> TrialTraining::continue_with(const Gaussians& state, const AppearanceSpec& appearance,
+                                                        std::int64_t iterations, double most_seconds) {
     TrainOptions resting = options_;
     resting.strategy = Strategy::kNone;  // no noise on the means
     const StepComposer composer(resting, appearance, scene_, &photometric_);
     Gaussians start = with_appearance(state, appearance, scene_, options_.seed);
-    Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
+    TrialResult result{make_backend(options_.device, appearance, backend_options(options_))};
     photometric_.resume(start, moment_at(options_, begun_));
     result.backend->upload(start);
     const bool finished =
@@ -100,8 +100,8 @@ std::optional<Rehearsed> Rehearsal::continue_with(const Gaussians& state, const 
     return finished ? std::optional(std::move(result)) : std::nullopt;
 }
 
-bool Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first,
-                    double most_seconds, const std::function<StepRequest(std::int64_t, const StepView&)>& compose) {
+bool TrialTraining::run(TrialResult& result, const std::string& model, std::int64_t iterations, std::int64_t first,
+                        double most_seconds, const std::function<StepRequest(std::int64_t, const StepView&)>& compose) {
     const double start = seconds_now();
     Backend& backend = *result.backend;
     views_.prefetch(first, first + iterations);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shares cells among processes, also of several machines, that see the same folders.
+// Shares jobs among processes, also of several machines, that see the same folders.
 //
-// Whoever trains a cell holds a file beside its folder, which was created exclusively and whose time is renewed while
+// Whoever trains a job holds a file beside its folder, which was created exclusively and whose time is renewed while
 // the process lives. A file that is no longer renewed belongs to a process that is gone, and another takes its place.
 // No clocks are compared: each process judges by its own how long a file has not changed.
 //
-// A process that has seen a cell fail tells the others by a second file, which stays when it ends. They take its word
+// A process that has seen a job fail tells the others by a second file, which stays when it ends. They take its word
 // if the file was written or renewed while they were at work; to those that start later it says nothing.
 #pragma once
 
@@ -21,13 +21,13 @@
 namespace gs {
 
 /// A claim that this process holds. It is given back at the end of the object's life.
-class CellClaim {
+class JobClaim {
   public:
     /// With `leave` the file stays, but no longer belongs to anybody.
-    CellClaim(std::filesystem::path file, std::string owner, std::chrono::milliseconds renew_every, bool leave = false);
-    ~CellClaim();
-    CellClaim(const CellClaim&) = delete;
-    CellClaim& operator=(const CellClaim&) = delete;
+    JobClaim(std::filesystem::path file, std::string owner, std::chrono::milliseconds renew_every, bool leave = false);
+    ~JobClaim();
+    JobClaim(const JobClaim&) = delete;
+    JobClaim& operator=(const JobClaim&) = delete;
 
     /// Whether another process took the claim, since this one seemed to be gone.
     bool lost() const;
@@ -46,30 +46,30 @@ class CellClaim {
 };
 
 /// What a file of `tell` says, and when that was last renewed.
-struct CellNote {
+struct JobNote {
     std::string owner, text;
     std::filesystem::file_time_type time = std::filesystem::file_time_type::min();
 
-    friend bool operator==(const CellNote&, const CellNote&) = default;
+    friend bool operator==(const JobNote&, const JobNote&) = default;
 };
 
 /// Returns what the file says; empty where there is none, or it cannot be read now.
-CellNote read_note(const std::filesystem::path& file);
+JobNote read_note(const std::filesystem::path& file);
 
 /// What this process has seen of the claims of others.
-class CellClaims {
+class JobClaims {
   public:
     /// A claim that does not change for `stale_after` belongs to nobody.
-    explicit CellClaims(std::chrono::milliseconds stale_after) : stale_after_(stale_after) {}
+    explicit JobClaims(std::chrono::milliseconds stale_after) : stale_after_(stale_after) {}
 
     /// Returns whether another process holds the claim.
     bool held(const std::filesystem::path& file);
     /// Takes the claim; null if another process holds it, or took it at the same moment. Throws DataError naming the
     /// file if it cannot be written.
-    std::unique_ptr<CellClaim> take(const std::filesystem::path& file);
+    std::unique_ptr<JobClaim> take(const std::filesystem::path& file);
     /// Tells the others something: takes the claim from whoever has it, and adds a note to the file, which stays.
     /// Throws DataError naming the file if it cannot be written.
-    std::unique_ptr<CellClaim> tell(const std::filesystem::path& file, const std::string& note);
+    std::unique_ptr<JobClaim> tell(const std::filesystem::path& file, const std::string& note);
 
   private:
     struct Seen {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Short stretches of training in memory: no files, no progress, no controllers. What `--appearance auto` compares
+// Short segments of training in memory: no files, no progress, no controllers. What `--appearance auto` compares
 // models by.
 #pragma once
 
@@ -17,28 +17,28 @@
 
 namespace gs {
 
-/// A backend after a stretch, and what that took.
-struct Rehearsed {
+/// The backend after a trial, and its time.
+struct TrialResult {
     std::unique_ptr<Backend> backend;
     double seconds = 0;  ///< time of the steps
 };
 
-class Rehearsal {
+class TrialTraining {
   public:
     /// Takes validated `options` and a `scene` with at least one training view; both outlive the object. PPISP is on or
     /// off: there is nothing to decide.
-    Rehearsal(const TrainOptions& options, const Scene& scene);
+    TrialTraining(const TrainOptions& options, const Scene& scene);
 
     /// The first `iterations` of a run of the options' appearance.
-    Rehearsed begin(std::int64_t iterations);
+    TrialResult begin(std::int64_t iterations);
 
     /// Goes on from `state` with another appearance, which starts without a residual and has all degrees active. No
     /// Gaussian is added or moved elsewhere; learning rates go through what a run has left, compressed, so that the
     /// model comes to rest. Every call sees the same views. Empty if that would take more than `most_seconds`: before
     /// the rates have fallen a model cannot be compared. Throws NumericError when the loss stays non-finite,
     /// Interrupted after Ctrl-C.
-    std::optional<Rehearsed> continue_with(const Gaussians& state, const AppearanceSpec& appearance,
-                                           std::int64_t iterations, double most_seconds);
+    std::optional<TrialResult> continue_with(const Gaussians& state, const AppearanceSpec& appearance,
+                                             std::int64_t iterations, double most_seconds);
 
     Vec3<float> background() const { return views_.fixed_background(); }
     /// Returns the image of a training view, from the cache of the steps.
@@ -46,7 +46,7 @@ class Rehearsal {
 
   private:
     /// Returns false if it was stopped for the time.
-    bool run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first,
+    bool run(TrialResult& result, const std::string& model, std::int64_t iterations, std::int64_t first,
              double most_seconds, const std::function<StepRequest(std::int64_t, const StepView&)>& compose);
 
     const TrainOptions options_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Starts and watches the processes, and collects their results.
-#include "eval/experiments/cell_runner.h"
+#include "eval/experiments/job_runner.h"
 
 #include <fmt/format.h>
 
@@ -14,7 +14,7 @@
 #include <system_error>
 #include <thread>
 
-#include "eval/experiments/cell_claim.h"
+#include "eval/experiments/job_claim.h"
 #include "eval/report/table.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/interrupt.h"
@@ -59,15 +59,15 @@ std::string error_of(const ProcessResult& result) {
                        result.last_lines.empty() ? "" : ": " + result.last_lines.back());
 }
 
-class CellRunner {
+class JobRunner {
   public:
-    CellRunner(const std::vector<Cell>& cells, const CellHooks& hooks)
-        : cells_(cells), hooks_(hooks), claims_(hooks.stale_after) {}
+    JobRunner(const std::vector<Job>& jobs, const JobHooks& hooks)
+        : jobs_(jobs), hooks_(hooks), claims_(hooks.stale_after) {}
 
-    CellsSummary run() {
+    JobsSummary run() {
         keep_finished();
         if (pending_.empty()) return summary_;
-        const bool cuda = uses_cuda(cells_.front().options.device);
+        const bool cuda = uses_cuda(jobs_.front().options.device);
         if (cuda && !cuda_available())
             throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
         const std::vector<std::string> gpus = cuda ? visible_gpus() : std::vector<std::string>{""};
@@ -88,13 +88,13 @@ class CellRunner {
 
   private:
     void keep_finished() {
-        for (std::size_t k = 0; k < cells_.size(); ++k) {
+        for (std::size_t k = 0; k < jobs_.size(); ++k) {
             first_times_.push_back(result_time(k));
             first_failures_.push_back(read_note(failure_file(k)));
-            CellOutcome outcome;
-            if (!cells_[k].options.overwrite) outcome.result = finished_cell(cells_[k].options);
+            JobOutcome outcome;
+            if (!jobs_[k].options.overwrite) outcome.result = finished_job(jobs_[k].options);
             if (outcome.result) {
-                log_info("{}: finished before in {}", name(k), cells_[k].options.model);
+                log_info("{}: finished before in {}", name(k), jobs_[k].options.model);
                 remove_old_claim(k);
                 hooks_.done(k, outcome);
             } else {
@@ -104,15 +104,15 @@ class CellRunner {
     }
 
     struct Work {
-        std::size_t cell;
-        std::unique_ptr<CellClaim> claim;
+        std::size_t job;
+        std::unique_ptr<JobClaim> claim;
     };
 
-    /// Trains one cell after another until there is none.
+    /// Trains one job after another until there is none.
     void work(const std::string& gpu, bool cuda) {
         while (const std::optional<Work> work = take()) {
-            const std::size_t k = work->cell;
-            CellOutcome outcome;
+            const std::size_t k = work->job;
+            JobOutcome outcome;
             try {
                 outcome = train(*work, gpu, cuda);
             } catch (const Error& e) {
@@ -121,7 +121,7 @@ class CellRunner {
                 outcome.error = e.what(), outcome.code = ExitCode::kUnexpected;
             }
             // A run whose own caller was killed may still work in the folder.
-            if (!outcome.result && (work->claim->lost() || RunLock::is_held(cells_[k].options.model) ||
+            if (!outcome.result && (work->claim->lost() || RunLock::is_held(jobs_[k].options.model) ||
                                     outcome.error.starts_with("another run")))
                 leave_to_others(k);
             else
@@ -129,7 +129,7 @@ class CellRunner {
         }
     }
 
-    /// Returns the next cell to train, and waits where others work on all that are left. Nothing if there is none.
+    /// Returns the next job to train, and waits where others work on all that are left. Nothing if there is none.
     std::optional<Work> take() {
         for (;; std::this_thread::sleep_for(kLookEvery)) {
             const std::lock_guard lock(mutex_);
@@ -143,7 +143,7 @@ class CellRunner {
                     const std::optional<std::size_t> k = hooks_.choose ? hooks_.choose(free) : free.front();
                     if (!k && others_.empty()) return std::nullopt;
                     if (!k) break;  // what others train may still bring a result
-                    std::unique_ptr<CellClaim> claim = claims_.take(claim_file(*k));
+                    std::unique_ptr<JobClaim> claim = claims_.take(claim_file(*k));
                     if (!claim) {
                         others_.insert(*k);
                     } else if (!done_by_others(*k) && !failed_by_others(*k)) {
@@ -163,23 +163,23 @@ class CellRunner {
         return pending_.empty() || summary_.interrupted || hook_failure_ || past_deadline();
     }
 
-    /// Looks which of the pending cells others work on, and which of these they have finished. A process that saw a
-    /// cell fail before this one started, and lives, will tell it by renewing its word.
+    /// Looks which of the pending jobs others work on, and which of these they have finished. A process that saw a
+    /// job fail before this one started, and lives, will tell it by renewing its word.
     void note_others() {
         for (const std::size_t k : std::vector(pending_)) {
             if (failed_by_others(k)) continue;
-            const bool held = claims_.held(claim_file(k)) || RunLock::is_held(cells_[k].options.model) ||
+            const bool held = claims_.held(claim_file(k)) || RunLock::is_held(jobs_[k].options.model) ||
                               claims_.held(failure_file(k));
             if (held && others_.insert(k).second) log_info("{}: another process works on it", name(k));
             if (!held && others_.erase(k) > 0 && done_by_others(k)) remove_old_claim(k);
         }
     }
 
-    /// Takes over the failure of a cell that another process tried since the beginning.
+    /// Takes over the failure of a job that another process tried since the beginning.
     bool failed_by_others(std::size_t k) {
-        const CellNote failure = read_note(failure_file(k));
+        const JobNote failure = read_note(failure_file(k));
         if (failure.text.empty() || failure == first_failures_[k]) return false;
-        CellOutcome outcome;
+        JobOutcome outcome;
         int code = 0;
         std::istringstream words(failure.text);
         words >> code >> std::ws;
@@ -187,16 +187,16 @@ class CellRunner {
         outcome.code = ExitCode(code);
         pending_.erase(std::find(pending_.begin(), pending_.end(), k));
         others_.erase(k);
-        log_error("{}: failed in another process: {}", cells_[k].name, outcome.error);
+        log_error("{}: failed in another process: {}", jobs_[k].name, outcome.error);
         if (summary_.num_failed++ == 0) summary_.first_code = outcome.code;
         hooks_.done(k, outcome);
         return true;
     }
 
-    /// Takes over the result of a cell that another process finished since the beginning.
+    /// Takes over the result of a job that another process finished since the beginning.
     bool done_by_others(std::size_t k) {
-        CellOutcome outcome;
-        if (result_time(k) != first_times_[k]) outcome.result = finished_cell(cells_[k].options);
+        JobOutcome outcome;
+        if (result_time(k) != first_times_[k]) outcome.result = finished_job(jobs_[k].options);
         if (!outcome.result) return false;
         pending_.erase(std::find(pending_.begin(), pending_.end(), k));
         log_info("{}: finished by another process", name(k));
@@ -204,7 +204,7 @@ class CellRunner {
         return true;
     }
 
-    /// Removes what a process that was killed left of a cell that is finished.
+    /// Removes what a process that was killed left of a job that is finished.
     void remove_old_claim(std::size_t k) {
         std::error_code ignored;
         if (!claims_.held(claim_file(k))) fs::remove(claim_file(k), ignored);
@@ -217,9 +217,9 @@ class CellRunner {
         others_.insert(k);
     }
 
-    CellOutcome train(const Work& work, const std::string& gpu, bool cuda) const {
-        const std::size_t k = work.cell;
-        const TrainOptions& options = cells_[k].options;
+    JobOutcome train(const Work& work, const std::string& gpu, bool cuda) const {
+        const std::size_t k = work.job;
+        const TrainOptions& options = jobs_[k].options;
         log_info("{}: training in {}{}", name(k), options.model, cuda ? " on GPU " + gpu : "");
         const std::string config = options.model + ".yaml";
         write_text_atomic(config, run_config(options));
@@ -236,11 +236,11 @@ class CellRunner {
         const ProcessResult process = run_process(
             command, environment, [&](const std::string& printed) { log_debug("{}: {}", name(k), printed); },
             [&] { return interrupted() || past_deadline() || work.claim->lost(); });
-        CellOutcome outcome;
+        JobOutcome outcome;
         outcome.wall_seconds = std::chrono::duration<double>(Clock::now() - begin).count();
         outcome.code = ExitCode(process.exit_code);
         if (outcome.code == ExitCode::kOk) {
-            outcome.result = finished_cell(options);
+            outcome.result = finished_job(options);
             if (!outcome.result)
                 outcome.error = "no scores; does the scene have test views?", outcome.code = ExitCode::kDataset;
         } else if (outcome.code != ExitCode::kInterrupted) {
@@ -249,7 +249,7 @@ class CellRunner {
         return outcome;
     }
 
-    void finish(std::size_t k, const CellOutcome& outcome) {
+    void finish(std::size_t k, const JobOutcome& outcome) {
         const std::lock_guard lock(mutex_);
         if (outcome.result) {
             std::error_code ignored;
@@ -257,7 +257,7 @@ class CellRunner {
             log_info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name(k), outcome.result->psnr,
                      outcome.result->num_gaussians, outcome.result->train_seconds);
         } else if (!outcome.error.empty()) {
-            log_error("{}: {}", cells_[k].name, outcome.error);
+            log_error("{}: {}", jobs_[k].name, outcome.error);
             if (summary_.num_failed++ == 0) summary_.first_code = outcome.code;
             tell_failure(k, outcome);
         } else {
@@ -271,8 +271,8 @@ class CellRunner {
         }
     }
 
-    /// Tells the others that a cell failed. Where that cannot be written they will try it, too.
-    void tell_failure(std::size_t k, const CellOutcome& outcome) {
+    /// Tells the others that a job failed. Where that cannot be written they will try it, too.
+    void tell_failure(std::size_t k, const JobOutcome& outcome) {
         try {
             failures_.push_back(claims_.tell(failure_file(k), fmt::format("{} {}", int(outcome.code), outcome.error)));
         } catch (const DataError& e) {
@@ -280,42 +280,40 @@ class CellRunner {
         }
     }
 
-    /// Returns when the results of a cell were written; the least time where there are none.
+    /// Returns when the results of a job were written; the least time where there are none.
     fs::file_time_type result_time(std::size_t k) const {
         std::error_code error;
-        const fs::file_time_type time = fs::last_write_time(RunFolder{cells_[k].options.model}.results(), error);
+        const fs::file_time_type time = fs::last_write_time(RunFolder{jobs_[k].options.model}.results(), error);
         return error ? fs::file_time_type::min() : time;
     }
-    fs::path claim_file(std::size_t k) const { return cells_[k].options.model + ".claim"; }
-    fs::path failure_file(std::size_t k) const { return cells_[k].options.model + ".failed"; }
+    fs::path claim_file(std::size_t k) const { return jobs_[k].options.model + ".claim"; }
+    fs::path failure_file(std::size_t k) const { return jobs_[k].options.model + ".failed"; }
     bool past_deadline() const { return hooks_.deadline && Clock::now() >= *hooks_.deadline; }
-    std::string name(std::size_t k) const { return fmt::format("[{}/{}] {}", k + 1, cells_.size(), cells_[k].name); }
+    std::string name(std::size_t k) const { return fmt::format("[{}/{}] {}", k + 1, jobs_.size(), jobs_[k].name); }
 
-    const std::vector<Cell>& cells_;
-    const CellHooks& hooks_;
+    const std::vector<Job>& jobs_;
+    const JobHooks& hooks_;
     std::mutex mutex_;  ///< guards all below
-    CellClaims claims_;
-    std::vector<std::size_t> pending_;                  ///< in their order
-    std::vector<fs::file_time_type> first_times_;       ///< of results that were there at the beginning
-    std::vector<CellNote> first_failures_;              ///< what was said of failures at the beginning
-    std::vector<std::unique_ptr<CellClaim>> failures_;  ///< of cells that failed here
-    std::set<std::size_t> others_;                      ///< those of the pending ones that other processes work on
+    JobClaims claims_;
+    std::vector<std::size_t> pending_;                 ///< in their order
+    std::vector<fs::file_time_type> first_times_;      ///< of results that were there at the beginning
+    std::vector<JobNote> first_failures_;              ///< what was said of failures at the beginning
+    std::vector<std::unique_ptr<JobClaim>> failures_;  ///< of jobs that failed here
+    std::set<std::size_t> others_;                     ///< those of the pending ones that other processes work on
     std::exception_ptr hook_failure_;
-    CellsSummary summary_;
+    JobsSummary summary_;
 };
 
 }  // namespace
 
-CellsSummary run_cells(const std::vector<Cell>& cells, const CellHooks& hooks) {
-    return CellRunner(cells, hooks).run();
-}
+JobsSummary run_jobs(const std::vector<Job>& jobs, const JobHooks& hooks) { return JobRunner(jobs, hooks).run(); }
 
-void throw_unless_complete(const CellsSummary& summary, std::size_t num_cells, const fs::path& file) {
+void throw_unless_complete(const JobsSummary& summary, std::size_t num_jobs, const fs::path& file) {
     if (summary.interrupted)
         throw Interrupted("interrupted; the same command trains what is missing in " + file.parent_path().string());
     if (summary.num_failed > 0)
         throw Error(summary.first_code, fmt::format("{} of {} runs failed; the messages are in {}", summary.num_failed,
-                                                    num_cells, file.string()));
+                                                    num_jobs, file.string()));
 }
 
 }  // namespace gs

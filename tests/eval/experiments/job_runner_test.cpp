@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cells trained by a program that only writes what a run leaves behind.
-#include "eval/experiments/cell_runner.h"
+// Jobs trained by a program that only writes what a run leaves behind.
+#include "eval/experiments/job_runner.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -13,7 +13,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "eval/experiments/cell_claim.h"
+#include "eval/experiments/job_claim.h"
 #include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "tests/core/temporary_folder.h"
@@ -42,17 +42,17 @@ echo '{"ours_20": {"PSNR": 20.5, "SSIM": 0.75}, "num_gaussians": {"ours_20": 123
        "timing": {"ours_20": {"train_seconds": 4, "frame_seconds": 0.5}}}' > "$model/results.json"
 )";
 
-class CellRunnerTest : public ::testing::Test {
+class JobRunnerTest : public ::testing::Test {
   protected:
-    CellRunnerTest() {
+    JobRunnerTest() {
         hooks_.program = tmp_.write("program", kProgram);
         fs::permissions(hooks_.program, fs::perms::owner_all);
-        hooks_.done = [this](std::size_t k, const CellOutcome& outcome) {
+        hooks_.done = [this](std::size_t k, const JobOutcome& outcome) {
             done_.push_back(k);
             outcomes_.push_back(outcome);
         };
     }
-    Cell cell(const std::string& name) const {
+    Job job(const std::string& name) const {
         TrainOptions options;
         options.source = "builtin:diffuse";
         options.device = Device::kCpu;
@@ -69,14 +69,14 @@ class CellRunnerTest : public ::testing::Test {
     bool called() const { return fs::exists(tmp_.path() / "calls"); }
 
     test::TemporaryFolder tmp_;
-    CellHooks hooks_;
+    JobHooks hooks_;
     Indices done_;
-    std::vector<CellOutcome> outcomes_;
+    std::vector<JobOutcome> outcomes_;
 };
 
-TEST_F(CellRunnerTest, TrainsCellsAndKeepsThoseThatAreFinished) {
-    const std::vector<Cell> cells = {cell("a"), cell("b")};
-    const CellsSummary summary = run_cells(cells, hooks_);
+TEST_F(JobRunnerTest, TrainsJobsAndKeepsThoseThatAreFinished) {
+    const std::vector<Job> jobs = {job("a"), job("b")};
+    const JobsSummary summary = run_jobs(jobs, hooks_);
     EXPECT_EQ(summary.num_failed, 0);
     EXPECT_FALSE(summary.interrupted);
     ASSERT_EQ(done_, (Indices{0, 1}));
@@ -87,20 +87,20 @@ TEST_F(CellRunnerTest, TrainsCellsAndKeepsThoseThatAreFinished) {
     EXPECT_NO_THROW(throw_unless_complete(summary, 2, "out/table.md"));
 
     fs::remove(tmp_.path() / "calls");
-    run_cells(cells, hooks_);
+    run_jobs(jobs, hooks_);
     EXPECT_FALSE(called()) << "nothing is missing";
     ASSERT_EQ(outcomes_.size(), 4u);
     EXPECT_TRUE(outcomes_[3].result);
     EXPECT_FALSE(outcomes_[3].wall_seconds);
 
-    std::vector<Cell> again = cells;
-    for (Cell& c : again) c.options.overwrite = true;
-    run_cells(again, hooks_);
+    std::vector<Job> again = jobs;
+    for (Job& c : again) c.options.overwrite = true;
+    run_jobs(again, hooks_);
     EXPECT_TRUE(called()) << "--overwrite trains all of them";
 }
 
-TEST_F(CellRunnerTest, AFailureDoesNotStopTheOthers) {
-    const CellsSummary summary = run_cells({cell("broken"), cell("silent"), cell("good")}, hooks_);
+TEST_F(JobRunnerTest, AFailureDoesNotStopTheOthers) {
+    const JobsSummary summary = run_jobs({job("broken"), job("silent"), job("good")}, hooks_);
     EXPECT_EQ(summary.num_failed, 2);
     EXPECT_EQ(summary.first_code, ExitCode::kDataset);
     ASSERT_EQ(done_, (Indices{0, 1, 2}));
@@ -116,48 +116,48 @@ TEST_F(CellRunnerTest, AFailureDoesNotStopTheOthers) {
     }
 }
 
-TEST_F(CellRunnerTest, TheCallerChoosesTheOrderAndMayStop) {
+TEST_F(JobRunnerTest, TheCallerChoosesTheOrderAndMayStop) {
     std::vector<Indices> asked;
     hooks_.choose = [&](const Indices& pending) {
         asked.push_back(pending);
         return pending.size() > 1 ? std::optional(pending.back()) : std::nullopt;
     };
-    const CellsSummary summary = run_cells({cell("a"), cell("b"), cell("c")}, hooks_);
+    const JobsSummary summary = run_jobs({job("a"), job("b"), job("c")}, hooks_);
     EXPECT_EQ(done_, (Indices{2, 1}));
     EXPECT_EQ(asked, (std::vector<Indices>{{0, 1, 2}, {0, 1}, {0}}));
-    EXPECT_EQ(summary.num_failed, 0) << "a cell that was not reached has not failed";
+    EXPECT_EQ(summary.num_failed, 0) << "a job that was not reached has not failed";
 }
 
-TEST_F(CellRunnerTest, NothingStartsAfterTheDeadline) {
+TEST_F(JobRunnerTest, NothingStartsAfterTheDeadline) {
     hooks_.deadline = std::chrono::steady_clock::now();
-    const CellsSummary summary = run_cells({cell("a")}, hooks_);
+    const JobsSummary summary = run_jobs({job("a")}, hooks_);
     EXPECT_FALSE(called());
     EXPECT_TRUE(done_.empty());
     EXPECT_FALSE(summary.interrupted);
 }
 
-TEST_F(CellRunnerTest, AnExceptionOfTheCallerEndsTheRuns) {
-    hooks_.done = [](std::size_t, const CellOutcome&) { throw std::runtime_error("no space for the table"); };
-    EXPECT_THROW(run_cells({cell("a"), cell("b")}, hooks_), std::runtime_error);
+TEST_F(JobRunnerTest, AnExceptionOfTheCallerEndsTheRuns) {
+    hooks_.done = [](std::size_t, const JobOutcome&) { throw std::runtime_error("no space for the table"); };
+    EXPECT_THROW(run_jobs({job("a"), job("b")}, hooks_), std::runtime_error);
     EXPECT_FALSE(fs::exists(tmp_.path() / "b"));
 }
 
-TEST_F(CellRunnerTest, SeveralCallersDivideTheCellsAndEachIsToldOfAll) {
-    std::vector<Cell> cells;
-    for (int k = 0; k < 6; ++k) cells.push_back(cell("slow" + std::to_string(k)));
-    std::vector<std::map<std::size_t, CellOutcome>> told(3);
+TEST_F(JobRunnerTest, SeveralCallersDivideTheJobsAndEachIsToldOfAll) {
+    std::vector<Job> jobs;
+    for (int k = 0; k < 6; ++k) jobs.push_back(job("slow" + std::to_string(k)));
+    std::vector<std::map<std::size_t, JobOutcome>> told(3);
     std::vector<std::thread> callers;
     for (auto& mine : told)
         callers.emplace_back([&] {
-            CellHooks hooks = hooks_;
-            hooks.done = [&](std::size_t k, const CellOutcome& outcome) { mine[k] = outcome; };
-            run_cells(cells, hooks);
+            JobHooks hooks = hooks_;
+            hooks.done = [&](std::size_t k, const JobOutcome& outcome) { mine[k] = outcome; };
+            run_jobs(jobs, hooks);
         });
     for (std::thread& caller : callers) caller.join();
-    EXPECT_EQ(num_calls(), cells.size());
+    EXPECT_EQ(num_calls(), jobs.size());
     int trained = 0;
     for (const auto& mine : told) {
-        ASSERT_EQ(mine.size(), cells.size());
+        ASSERT_EQ(mine.size(), jobs.size());
         for (const auto& [k, outcome] : mine) {
             EXPECT_TRUE(outcome.result) << k << ": " << outcome.error;
             trained += outcome.wall_seconds.has_value();
@@ -168,29 +168,28 @@ TEST_F(CellRunnerTest, SeveralCallersDivideTheCellsAndEachIsToldOfAll) {
         EXPECT_NE(entry.path().extension(), ".claim") << entry.path();
 }
 
-TEST_F(CellRunnerTest, AFailedCellIsTriedOnceByAllAndAgainByALaterStart) {
+TEST_F(JobRunnerTest, AFailedJobIsTriedOnceByAllAndAgainByALaterStart) {
     // Fast failures, which others meet while they train or wait, and one for which all wait.
-    const std::vector<Cell> cells = {cell("0broken"), cell("slow1"), cell("2broken"), cell("slow3"),
-                                     cell("late_broken")};
-    std::vector<std::map<std::size_t, CellOutcome>> told(3);
-    std::vector<CellsSummary> summaries(3);
+    const std::vector<Job> jobs = {job("0broken"), job("slow1"), job("2broken"), job("slow3"), job("late_broken")};
+    std::vector<std::map<std::size_t, JobOutcome>> told(3);
+    std::vector<JobsSummary> summaries(3);
     const auto call_all = [&] {
         std::vector<std::thread> callers;
         for (std::size_t n = 0; n < told.size(); ++n)
             callers.emplace_back([&, n] {
-                CellHooks hooks = hooks_;
+                JobHooks hooks = hooks_;
                 hooks.stale_after = std::chrono::seconds(3);  // renewed twice a second
-                hooks.done = [&, n](std::size_t k, const CellOutcome& outcome) { told[n][k] = outcome; };
+                hooks.done = [&, n](std::size_t k, const JobOutcome& outcome) { told[n][k] = outcome; };
                 // One that comes later is told, too, of what failed before it came.
                 if (n == 2) std::this_thread::sleep_for(std::chrono::milliseconds(500));
-                summaries[n] = run_cells(cells, hooks);
+                summaries[n] = run_jobs(jobs, hooks);
             });
         for (std::thread& caller : callers) caller.join();
     };
     call_all();
-    EXPECT_EQ(num_calls(), cells.size());
+    EXPECT_EQ(num_calls(), jobs.size());
     for (std::size_t n = 0; n < told.size(); ++n) {
-        ASSERT_EQ(told[n].size(), cells.size());
+        ASSERT_EQ(told[n].size(), jobs.size());
         EXPECT_EQ(summaries[n].num_failed, 3);
         EXPECT_EQ(summaries[n].first_code, ExitCode::kDataset);
         for (const std::size_t k : {0, 2, 4}) EXPECT_EQ(told[n][k].error, "the disk is full") << k;
@@ -198,7 +197,7 @@ TEST_F(CellRunnerTest, AFailedCellIsTriedOnceByAllAndAgainByALaterStart) {
     }
     fs::remove(tmp_.path() / "calls");
     call_all();
-    EXPECT_EQ(num_calls(), 3u) << "each failed cell is tried once more, by one of them";
+    EXPECT_EQ(num_calls(), 3u) << "each failed job is tried once more, by one of them";
     fs::remove(tmp_.path() / "calls");
 
     // What made them fail is mended.
@@ -214,36 +213,36 @@ TEST_F(CellRunnerTest, AFailedCellIsTriedOnceByAllAndAgainByALaterStart) {
     }
 }
 
-TEST_F(CellRunnerTest, SeveralCallersThatOverwriteTrainEachCellOnce) {
-    std::vector<Cell> cells = {cell("slow0"), cell("slow1"), cell("slow2")};
-    run_cells(cells, hooks_);
+TEST_F(JobRunnerTest, SeveralCallersThatOverwriteTrainEachJobOnce) {
+    std::vector<Job> jobs = {job("slow0"), job("slow1"), job("slow2")};
+    run_jobs(jobs, hooks_);
     fs::remove(tmp_.path() / "calls");
-    for (Cell& c : cells) c.options.overwrite = true;
+    for (Job& c : jobs) c.options.overwrite = true;
     std::vector<std::size_t> told(2);
     std::vector<std::thread> callers;
     for (std::size_t& mine : told)
         callers.emplace_back([&] {
-            CellHooks hooks = hooks_;
-            hooks.done = [&](std::size_t, const CellOutcome& outcome) { mine += outcome.result.has_value(); };
-            run_cells(cells, hooks);
+            JobHooks hooks = hooks_;
+            hooks.done = [&](std::size_t, const JobOutcome& outcome) { mine += outcome.result.has_value(); };
+            run_jobs(jobs, hooks);
         });
     for (std::thread& caller : callers) caller.join();
-    EXPECT_EQ(num_calls(), cells.size());
+    EXPECT_EQ(num_calls(), jobs.size());
     EXPECT_EQ(told, (std::vector<std::size_t>{3, 3}));
 }
 
-TEST_F(CellRunnerTest, ACellWhoseProcessIsGoneIsTakenOver) {
+TEST_F(JobRunnerTest, AJobWhoseProcessIsGoneIsTakenOver) {
     hooks_.stale_after = std::chrono::milliseconds(300);
     tmp_.write("a.claim", "another-machine/pid:[1] 77 1.1\n");
     const auto begin = std::chrono::steady_clock::now();
-    run_cells({cell("a")}, hooks_);
+    run_jobs({job("a")}, hooks_);
     EXPECT_GE(std::chrono::steady_clock::now() - begin, hooks_.stale_after);
     EXPECT_EQ(num_calls(), 1u);
     ASSERT_EQ(outcomes_.size(), 1u);
     EXPECT_TRUE(outcomes_[0].result);
 }
 
-TEST(CellsSummary, AnInterruptNamesTheFolderToGoOnIn) {
+TEST(JobsSummary, AnInterruptNamesTheFolderToGoOnIn) {
     EXPECT_THROW(throw_unless_complete({.num_failed = 1, .first_code = ExitCode::kDevice, .interrupted = true}, 2,
                                        "out/table.md"),
                  Interrupted);
@@ -256,10 +255,10 @@ std::string text_of(const fs::path& file) {
     return {std::istreambuf_iterator<char>(in), {}};
 }
 
-TEST(CellClaim, OneAtATimeAndNoFileIsLeft) {
+TEST(JobClaim, OneAtATimeAndNoFileIsLeft) {
     const test::TemporaryFolder tmp;
     const fs::path file = tmp.path() / "new" / "a.claim";
-    CellClaims mine(60s), theirs(60s);
+    JobClaims mine(60s), theirs(60s);
     EXPECT_FALSE(theirs.held(file));
     auto claim = mine.take(file);
     ASSERT_TRUE(claim);
@@ -271,10 +270,10 @@ TEST(CellClaim, OneAtATimeAndNoFileIsLeft) {
     EXPECT_TRUE(theirs.take(file));
 }
 
-TEST(CellClaim, ThatIsRenewedIsHeldLongerThanASilentOne) {
+TEST(JobClaim, ThatIsRenewedIsHeldLongerThanASilentOne) {
     const test::TemporaryFolder tmp;
     const fs::path file = tmp.path() / "a.claim";
-    CellClaims mine(1500ms), theirs(1500ms);
+    JobClaims mine(1500ms), theirs(1500ms);
     const auto claim = mine.take(file);
     const auto end = std::chrono::steady_clock::now() + 2500ms;
     while (std::chrono::steady_clock::now() < end) {
@@ -283,12 +282,12 @@ TEST(CellClaim, ThatIsRenewedIsHeldLongerThanASilentOne) {
     }
 }
 
-TEST(CellClaim, OfAProcessOfThisMachineThatHasEndedIsTakenAtOnce) {
+TEST(JobClaim, OfAProcessOfThisMachineThatHasEndedIsTakenAtOnce) {
     const test::TemporaryFolder tmp;
     const fs::path file = tmp.path() / "a.claim";
     const pid_t child = ::fork();
     if (child == 0) {  // ends without giving anything back, as if it were killed
-        CellClaims claims(60s);
+        JobClaims claims(60s);
         const auto claim = claims.take(file);
         ::_exit(claim ? 0 : 1);
     }
@@ -296,19 +295,19 @@ TEST(CellClaim, OfAProcessOfThisMachineThatHasEndedIsTakenAtOnce) {
     ASSERT_EQ(::waitpid(child, &status, 0), child);
     ASSERT_EQ(status, 0);
     ASSERT_TRUE(fs::exists(file));
-    CellClaims claims(60s);
+    JobClaims claims(60s);
     EXPECT_FALSE(claims.held(file));
     EXPECT_TRUE(claims.take(file));
 }
 
-TEST(CellClaim, OfSeveralThatTakeOverOneWins) {
+TEST(JobClaim, OfSeveralThatTakeOverOneWins) {
     const test::TemporaryFolder tmp;
     const fs::path file = tmp.write("a.claim", "another-machine/pid:[1] 77 1.1\n");
     std::atomic<int> winners{0}, ready{0}, looked{0};
     std::vector<std::thread> takers;
     for (int k = 0; k < 4; ++k)
         takers.emplace_back([&] {
-            CellClaims claims(1000ms);
+            JobClaims claims(1000ms);
             claims.held(file);
             std::this_thread::sleep_for(1100ms);
             ++ready;
@@ -321,12 +320,12 @@ TEST(CellClaim, OfSeveralThatTakeOverOneWins) {
     EXPECT_EQ(winners, 1);
 }
 
-TEST(CellClaim, ThatAnotherTookIsLostAndLeftAlone) {
+TEST(JobClaim, ThatAnotherTookIsLostAndLeftAlone) {
     const test::TemporaryFolder tmp;
     const fs::path file = tmp.path() / "a.claim";
     const std::string other = "another-machine/pid:[1] 77 1.1\n";
     {
-        CellClaims claims(120ms);
+        JobClaims claims(120ms);
         const auto claim = claims.take(file);
         ASSERT_TRUE(claim);
         std::ofstream(file) << other;
@@ -337,16 +336,16 @@ TEST(CellClaim, ThatAnotherTookIsLostAndLeftAlone) {
     EXPECT_EQ(text_of(file), other);
 }
 
-TEST(CellClaim, WhatItTellsStaysWhenItEnds) {
+TEST(JobClaim, WhatItTellsStaysWhenItEnds) {
     const test::TemporaryFolder tmp;
     const fs::path file = tmp.write("a.failed", "another-machine/pid:[1] 77 1.1\n3 of another time");
     EXPECT_EQ(read_note(tmp.path() / "none").text, "");
-    const CellNote before = read_note(file);
+    const JobNote before = read_note(file);
     EXPECT_EQ(before.text, "3 of another time");
     const std::string long_note = "3 " + std::string(2000, 'x') + "\nand a second line";
-    CellClaims mine(300ms), theirs(300ms);
+    JobClaims mine(300ms), theirs(300ms);
     auto claim = mine.tell(file, long_note);
-    const CellNote told = read_note(file);
+    const JobNote told = read_note(file);
     EXPECT_EQ(told.text, long_note);
     EXPECT_NE(told, before);
     const auto end = std::chrono::steady_clock::now() + 100s;
@@ -360,10 +359,10 @@ TEST(CellClaim, WhatItTellsStaysWhenItEnds) {
     EXPECT_FALSE(theirs.held(file));
 }
 
-TEST(CellClaim, AFolderThatCannotBeWrittenIsAnErrorThatNamesTheFile) {
+TEST(JobClaim, AFolderThatCannotBeWrittenIsAnErrorThatNamesTheFile) {
     const test::TemporaryFolder tmp;
     const fs::path no_folder = tmp.write("file", "");
-    CellClaims claims(60s);
+    JobClaims claims(60s);
     try {
         claims.take(no_folder / "a.claim");
         FAIL() << "took a claim below a file";

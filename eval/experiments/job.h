@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A cell: one run to train out of many that are compared. What it is, what it brought, and whether its folder holds it
+// A job: one run to train out of many that are compared. What it is, what it brought, and whether its folder holds it
 // already.
 #pragma once
 
@@ -14,7 +14,7 @@
 namespace gs {
 
 /// A run to train.
-struct Cell {
+struct Job {
     std::string name;      ///< for messages
     TrainOptions options;  ///< validated; `model` is its own folder
 };
@@ -22,8 +22,8 @@ struct Cell {
 /// Gives one of several runs its folder, and where there is options.tensorboard a folder of the same name in that.
 void set_folder(TrainOptions& options, const std::filesystem::path& folder);
 
-/// Scores and costs of a cell whose run has finished.
-struct CellResult {
+/// Scores and costs of a job whose run has finished.
+struct JobResult {
     double psnr = 0, ssim = 0;  ///< psnr may be infinite
     std::int64_t num_gaussians = 0;
     double train_seconds = 0;
@@ -35,12 +35,12 @@ struct CellResult {
 
 /// Returns scores and costs by the keys that suite.json and tradeoff.json use. An infinite PSNR becomes null: JSON
 /// knows no infinity.
-nlohmann::ordered_json result_json(const CellResult& result);
+nlohmann::ordered_json result_json(const JobResult& result);
 
 /// Returns the result of the finished run in the folder `options.model`, or nothing if the folder holds none of these
 /// (validated) options. Options that change neither model nor figures (messages, image cache, saving along the way) may
 /// differ.
-std::optional<CellResult> finished_cell(const TrainOptions& options);
+std::optional<JobResult> finished_job(const TrainOptions& options);
 
 /// Says how the run in the folder `options.model` differs from `options`: "resolution 80, now 160". Empty where it does
 /// not differ and where the folder holds no run.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Schedules that follow the length of a run, and runs that follow a clock.
-#include "lib/train/course.h"
+#include "lib/train/training_schedule.h"
 
 #include <gtest/gtest.h>
 
@@ -46,7 +46,7 @@ TEST(Timeline, MultiplesArePassedOnce) {
         const TrainOptions o = options_of(iterations);
         std::int64_t passed = 0;
         for (std::int64_t k = 0; k < iterations; ++k) {
-            const Moment m = moment_at(o, k);
+            const ScheduleMoment m = moment_at(o, k);
             passed += multiples_passed(m.before, m.position, 1000);
         }
         EXPECT_EQ(passed, iterations < 30 ? 1 : 30) << iterations;  // 0, 1000, ..., 29000
@@ -54,12 +54,12 @@ TEST(Timeline, MultiplesArePassedOnce) {
 }
 
 TEST(Timeline, AMarkThatWasNamedCountsIterations) {
-    const Moment m{50, 400, 392};
-    EXPECT_TRUE(Mark(-1, 400).reached(m));
-    EXPECT_FALSE(Mark(-1, 401).reached(m));
-    EXPECT_TRUE(Mark(50, 99999).reached(m));
-    EXPECT_FALSE(Mark(51, 0).reached(m));
-    EXPECT_FALSE(Mark(50, 0).exceeded(m));
+    const ScheduleMoment m{50, 400, 392};
+    EXPECT_TRUE(ScheduleMark(-1, 400).reached(m));
+    EXPECT_FALSE(ScheduleMark(-1, 401).reached(m));
+    EXPECT_TRUE(ScheduleMark(50, 99999).reached(m));
+    EXPECT_FALSE(ScheduleMark(51, 0).reached(m));
+    EXPECT_FALSE(ScheduleMark(50, 0).exceeded(m));
 }
 
 /// Counts densifications and notes the degree.
@@ -231,96 +231,96 @@ TrainOptions limited(const std::string& limit) {
     return o;
 }
 
-TEST(Course, RunsThroughIterations) {
+TEST(TrainingSchedule, RunsThroughIterations) {
     TrainOptions o = options_of(3);
     o.coarse_until = 0.5;
-    Course course(o, 10);
+    TrainingSchedule schedule(o, 10);
     std::vector<int> reductions;
-    for (; !course.finished(); course.advance(100)) reductions.push_back(course.reduction());
+    for (; !schedule.finished(); schedule.advance(100)) reductions.push_back(schedule.reduction());
     EXPECT_EQ(reductions, (std::vector<int>{2, 2, 1}));
-    EXPECT_EQ(course.moment().iteration, 3);
-    EXPECT_EQ(course.expected_iterations(), 3);
-    EXPECT_FALSE(course.seconds_left());
-    EXPECT_EQ(course.most_gaussians(7, 50), 50);
+    EXPECT_EQ(schedule.moment().iteration, 3);
+    EXPECT_EQ(schedule.expected_iterations(), 3);
+    EXPECT_FALSE(schedule.seconds_left());
+    EXPECT_EQ(schedule.most_gaussians(7, 50), 50);
 }
 
-TEST(Course, RunsThroughTime) {
+TEST(TrainingSchedule, RunsThroughTime) {
     const TrainOptions o = limited("0.4s");
-    Course course(o, 10);
-    EXPECT_EQ(course.seconds_left(), 0.4);
-    course.start({}, 100);
+    TrainingSchedule schedule(o, 10);
+    EXPECT_EQ(schedule.seconds_left(), 0.4);
+    schedule.start({}, 100);
     const double start = seconds_now();
     double position = -1, left = 0.4;
-    while (!course.finished()) {
-        EXPECT_EQ(course.expected_iterations(), 0) << "nobody knows";
-        EXPECT_LE(course.seconds_left(), left);
-        left = *course.seconds_left();
-        EXPECT_GE(course.moment().position, position);
-        position = course.moment().position;
-        course.advance(100);
+    while (!schedule.finished()) {
+        EXPECT_EQ(schedule.expected_iterations(), 0) << "nobody knows";
+        EXPECT_LE(schedule.seconds_left(), left);
+        left = *schedule.seconds_left();
+        EXPECT_GE(schedule.moment().position, position);
+        position = schedule.moment().position;
+        schedule.advance(100);
     }
     const double seconds = seconds_now() - start;
     EXPECT_GT(seconds, 0.3);
     EXPECT_LT(left, 0.1);
-    EXPECT_GT(course.moment().iteration, 100);
-    EXPECT_EQ(course.expected_iterations(), course.moment().iteration);
-    const double pace = kReferenceIterations / double(course.moment().iteration);
-    EXPECT_GT(course.moment().pace, pace / 3);
-    EXPECT_LT(course.moment().pace, pace * 3);
+    EXPECT_GT(schedule.moment().iteration, 100);
+    EXPECT_EQ(schedule.expected_iterations(), schedule.moment().iteration);
+    const double pace = kReferenceIterations / double(schedule.moment().iteration);
+    EXPECT_GT(schedule.moment().pace, pace / 3);
+    EXPECT_LT(schedule.moment().pace, pace * 3);
 }
 
-TEST(Course, TimeBeforeTheFirstStepIsNoProgress) {
+TEST(TrainingSchedule, TimeBeforeTheFirstStepIsNoProgress) {
     const TrainOptions o = limited("10s");
-    Course course(o, 10);
-    course.charge(5);
-    course.start({}, 100);
-    EXPECT_LT(course.moment().position, 0.1 * kReferenceIterations);
-    EXPECT_GE(course.used_seconds(), 5);
-    EXPECT_NEAR(course.budget()->limit(), 5, 1e-9);
+    TrainingSchedule schedule(o, 10);
+    schedule.charge(5);
+    schedule.start({}, 100);
+    EXPECT_LT(schedule.moment().position, 0.1 * kReferenceIterations);
+    EXPECT_GE(schedule.used_seconds(), 5);
+    EXPECT_NEAR(schedule.budget()->limit(), 5, 1e-9);
 }
 
-TEST(Course, StretchesGoFromTheirPositionToTheEnd) {
+TEST(TrainingSchedule, StretchesGoFromTheirPositionToTheEnd) {
     TrainOptions o = options_of(30000);
     o.target_psnr = 30, o.coarse_until = 0.2;
-    Course course(o, 10);
-    course.begin({.steps = 4, .from = 0, .most_gaussians = 500}, 100);
-    EXPECT_EQ(course.reduction(), 2);
-    EXPECT_EQ(course.most_gaussians(100, 1000), 500);
-    EXPECT_EQ(course.most_gaussians(600, 1000), 600) << "nothing is removed";
-    EXPECT_EQ(course.most_gaussians(100, 300), 300);
-    while (!course.finished()) course.advance(100);
-    EXPECT_EQ(course.moment().iteration, 4);
-    course.begin({.steps = 2, .from = 20000, .most_gaussians = 50}, 100);
-    EXPECT_FALSE(course.finished());
-    EXPECT_EQ(course.moment().position, 20000);
-    EXPECT_EQ(course.moment().stride(), 5000);
-    EXPECT_EQ(course.reduction(), 1);
-    EXPECT_EQ(course.expected_iterations(), 6);
-    course.advance(100);
-    EXPECT_EQ(course.moment().position, 25000);
-    course.advance(100);
-    EXPECT_TRUE(course.finished());
-    EXPECT_EQ(course.moment().iteration, 6);
+    TrainingSchedule schedule(o, 10);
+    schedule.begin({.steps = 4, .from = 0, .most_gaussians = 500}, 100);
+    EXPECT_EQ(schedule.reduction(), 2);
+    EXPECT_EQ(schedule.most_gaussians(100, 1000), 500);
+    EXPECT_EQ(schedule.most_gaussians(600, 1000), 600) << "nothing is removed";
+    EXPECT_EQ(schedule.most_gaussians(100, 300), 300);
+    while (!schedule.finished()) schedule.advance(100);
+    EXPECT_EQ(schedule.moment().iteration, 4);
+    schedule.begin({.steps = 2, .from = 20000, .most_gaussians = 50}, 100);
+    EXPECT_FALSE(schedule.finished());
+    EXPECT_EQ(schedule.moment().position, 20000);
+    EXPECT_EQ(schedule.moment().stride(), 5000);
+    EXPECT_EQ(schedule.reduction(), 1);
+    EXPECT_EQ(schedule.expected_iterations(), 6);
+    schedule.advance(100);
+    EXPECT_EQ(schedule.moment().position, 25000);
+    schedule.advance(100);
+    EXPECT_TRUE(schedule.finished());
+    EXPECT_EQ(schedule.moment().iteration, 6);
 }
 
-TEST(Course, ATimeLimitShortensAStretch) {
+TEST(TrainingSchedule, ATimeLimitShortensAStretch) {
     TrainOptions o = limited("0.3s");
     o.target_psnr = 30;
-    Course course(o, 10);
-    course.start({}, 100);
-    course.begin({.steps = 1000000000, .from = 10000, .most_gaussians = 100}, 100);
-    while (!course.finished()) course.advance(100);
-    EXPECT_LT(course.moment().iteration, 1000000000);
-    EXPECT_EQ(course.moment().position, kReferenceIterations) << "rates have fallen all the same";
-    course.begin({.steps = 10, .from = 10000, .most_gaussians = 100}, 100);
-    EXPECT_TRUE(course.finished()) << "no time is left";
+    TrainingSchedule schedule(o, 10);
+    schedule.start({}, 100);
+    schedule.begin({.steps = 1000000000, .from = 10000, .most_gaussians = 100}, 100);
+    while (!schedule.finished()) schedule.advance(100);
+    EXPECT_LT(schedule.moment().iteration, 1000000000);
+    EXPECT_EQ(schedule.moment().position, kReferenceIterations) << "rates have fallen all the same";
+    schedule.begin({.steps = 10, .from = 10000, .most_gaussians = 100}, 100);
+    EXPECT_TRUE(schedule.finished()) << "no time is left";
 }
 
-TEST(Course, ALimitThatSavingUsesUpIsRefusedWithTheShortest) {
+TEST(TrainingSchedule, ALimitThatSavingUsesUpIsRefusedWithTheShortest) {
     const TrainOptions o = limited("1s");
-    Course course(o, 10);
+    TrainingSchedule schedule(o, 10);
     try {
-        course.start({.saving_per_gaussian = 2e-3}, 1000);
+        schedule.start({.saving_per_gaussian = 2e-3}, 1000);
         FAIL();
     } catch (const UsageError& e) {
         EXPECT_NE(std::string(e.what()).find("1s is too short"), std::string::npos) << e.what();
@@ -328,16 +328,16 @@ TEST(Course, ALimitThatSavingUsesUpIsRefusedWithTheShortest) {
     }
 }
 
-TEST(Course, AResumedRunThatHasUsedItsTimeIsFinished) {
+TEST(TrainingSchedule, AResumedRunThatHasUsedItsTimeIsFinished) {
     const TrainOptions o = limited("5s");
-    Course course(o, 10);
-    course.resume(1000, 5);
-    course.start({}, 100);
-    EXPECT_TRUE(course.finished());
-    EXPECT_EQ(course.moment().iteration, 1000);
+    TrainingSchedule schedule(o, 10);
+    schedule.resume(1000, 5);
+    schedule.start({}, 100);
+    EXPECT_TRUE(schedule.finished());
+    EXPECT_EQ(schedule.moment().iteration, 1000);
 }
 
-// The course of a training on a disk that is full for a while, on one that stays full, and of a run that ends twice.
+// The schedule of a training on a disk that is full for a while, on one that stays full, and of a run that ends twice.
 
 TEST(TrainLog, LinesOfAFullDiskComeLater) {
     const TempFolder folder;

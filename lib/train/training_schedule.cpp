@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Decides what the next step is, and divides the time of a run.
-#include "lib/train/course.h"
+#include "lib/train/training_schedule.h"
 
 #include <fmt/format.h>
 
@@ -59,14 +59,14 @@ std::int64_t wanted_steps(std::size_t num_views) {
     return std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps));
 }
 
-Course::Course(const ScheduleOptions& options, std::size_t num_views)
+TrainingSchedule::TrainingSchedule(const ScheduleOptions& options, std::size_t num_views)
     : options_(options),
       limit_(options.time_limit ? options.time_limit->seconds : 0),
       wanted_steps_(gs::wanted_steps(num_views)) {
     if (!limits_time()) resume(0, 0);
 }
 
-void Course::resume(std::int64_t iteration, double used) {
+void TrainingSchedule::resume(std::int64_t iteration, double used) {
     used_ = used;
     moment_ = moment_at(options_, iteration);
     if (limits_time()) {  // about where start() will put it
@@ -76,12 +76,12 @@ void Course::resume(std::int64_t iteration, double used) {
     finished_ = !limits_time() && iteration >= options_.iterations;
 }
 
-std::int64_t Course::affordable_start(std::int64_t count, double frame_seconds) const {
+std::int64_t TrainingSchedule::affordable_start(std::int64_t count, double frame_seconds) const {
     return std::int64_t(double(count) *
                         std::min(1.0, limit_ / (kStepPerFrame * frame_seconds * double(wanted_steps_))));
 }
 
-void Course::start(const TimeCosts& costs, std::int64_t count) {
+void TrainingSchedule::start(const TimeCosts& costs, std::int64_t count) {
     budget_.emplace(limit_, used_, wanted_steps_);
     budget_->start(costs, moment_.iteration);
     const double least = used_ + limit_ - budget_->for_steps(count) + kLeastSeconds;
@@ -96,37 +96,37 @@ void Course::start(const TimeCosts& costs, std::int64_t count) {
     finished_ = position >= kReferenceIterations;
 }
 
-void Course::begin(const Stretch& stretch, std::int64_t count) {
-    stretch_ = stretch;
-    stretch_iteration_ = moment_.iteration;
-    stretch_start_ = budget_ ? budget_->elapsed() : 0;
-    const double pace = (kReferenceIterations - stretch.from) / double(std::max<std::int64_t>(1, stretch.steps));
-    moment_ = {moment_.iteration, stretch.from, stretch.from - pace, pace};
-    finished_ = stretch.steps <= 0 || (budget_ && stretch_start_ >= budget_->for_steps(count));
+void TrainingSchedule::begin(const ScheduleSegment& segment, std::int64_t count) {
+    segment_ = segment;
+    segment_iteration_ = moment_.iteration;
+    segment_start_ = budget_ ? budget_->elapsed() : 0;
+    const double pace = (kReferenceIterations - segment.from) / double(std::max<std::int64_t>(1, segment.steps));
+    moment_ = {moment_.iteration, segment.from, segment.from - pace, pace};
+    finished_ = segment.steps <= 0 || (budget_ && segment_start_ >= budget_->for_steps(count));
 }
 
-void Course::advance_stretch(std::int64_t count) {
-    const std::int64_t done = moment_.iteration + 1 - stretch_iteration_;
-    double progress = double(done) / double(stretch_->steps);
+void TrainingSchedule::advance_segment(std::int64_t count) {
+    const std::int64_t done = moment_.iteration + 1 - segment_iteration_;
+    double progress = double(done) / double(segment_->steps);
     if (budget_) {
-        const double left = budget_->for_steps(count) - stretch_start_;
-        progress = std::max(progress, left > 0 ? (budget_->elapsed() - stretch_start_) / left : 1.0);
+        const double left = budget_->for_steps(count) - segment_start_;
+        progress = std::max(progress, left > 0 ? (budget_->elapsed() - segment_start_) / left : 1.0);
     }
-    const double position = stretch_->from + (kReferenceIterations - stretch_->from) * std::min(progress, 1.0);
+    const double position = segment_->from + (kReferenceIterations - segment_->from) * std::min(progress, 1.0);
     moment_ = {moment_.iteration + 1, std::max(moment_.position, position), moment_.position, moment_.pace};
     finished_ = progress >= 1;
 }
 
-void Course::advance(std::int64_t count, std::int64_t views) {
+void TrainingSchedule::advance(std::int64_t count, std::int64_t views) {
     const double before = moment_.position;
     for (std::int64_t k = 0; k < views; ++k) advance_one(count);
     moment_.before = before;
-    if (limits_time() && !stretch_) finished_ = ends_here();
+    if (limits_time() && !segment_) finished_ = ends_here();
 }
 
-void Course::advance_one(std::int64_t count) {
-    if (stretch_) {
-        advance_stretch(count);
+void TrainingSchedule::advance_one(std::int64_t count) {
+    if (segment_) {
+        advance_segment(count);
         return;
     }
     if (!limits_time()) {
@@ -141,29 +141,29 @@ void Course::advance_one(std::int64_t count) {
     finished_ = ends_here();
 }
 
-bool Course::ends_here() const {
+bool TrainingSchedule::ends_here() const {
     // The time of a step may be long on a CPU: stop where the end is nearest.
     return moment_.position + 0.5 * moment_.stride() >= kReferenceIterations;
 }
 
-std::int64_t Course::expected_iterations() const {
+std::int64_t TrainingSchedule::expected_iterations() const {
     if (limits_time()) return finished_ ? moment_.iteration : 0;
-    return stretch_ ? stretch_iteration_ + stretch_->steps : options_.iterations;
+    return segment_ ? segment_iteration_ + segment_->steps : options_.iterations;
 }
 
-std::optional<double> Course::seconds_left() const {
+std::optional<double> TrainingSchedule::seconds_left() const {
     if (!limits_time()) return std::nullopt;
     return budget_ ? std::max(0.0, budget_->limit() - budget_->elapsed()) : limit_;
 }
 
-int Course::reduction() const {
-    const double done = limits_time() || stretch_ ? moment_.position / kReferenceIterations
+int TrainingSchedule::reduction() const {
+    const double done = limits_time() || segment_ ? moment_.position / kReferenceIterations
                                                   : double(moment_.iteration) / double(options_.iterations);
     return done < options_.coarse_until ? kCoarse : 1;
 }
 
-std::int64_t Course::most_gaussians(std::int64_t count, std::int64_t cap) {
-    if (stretch_) return std::min(cap, std::max(count, stretch_->most_gaussians));
+std::int64_t TrainingSchedule::most_gaussians(std::int64_t count, std::int64_t cap) {
+    if (segment_) return std::min(cap, std::max(count, segment_->most_gaussians));
     if (!budget_) return cap;
     return std::min(cap, std::max(count, budget_->affordable(count, moment_.iteration, reduction() > 1)));
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Leads a run from its first step to its last: through a number of iterations, through a length of time, or through
-// stretches that are decided one after another.
+// segments that are decided one after another.
 #pragma once
 
 #include <cstdint>
@@ -60,7 +60,7 @@ class TimeBudget {
 };
 
 /// A part of a run whose schedules go from some position to the end.
-struct Stretch {
+struct ScheduleSegment {
     std::int64_t steps = 0;
     double from = 0;                  ///< position of its first step
     std::int64_t most_gaussians = 0;  ///< the largest number that growth may lead to
@@ -71,9 +71,9 @@ struct Stretch {
 std::int64_t wanted_steps(std::size_t num_views);
 
 /// Leads a run from its first step to its last.
-class Course {
+class TrainingSchedule {
   public:
-    Course(const ScheduleOptions& options, std::size_t num_views);
+    TrainingSchedule(const ScheduleOptions& options, std::size_t num_views);
 
     /// Continues after `iteration` steps, which took `used` seconds of a time limit.
     void resume(std::int64_t iteration, double used);
@@ -91,15 +91,15 @@ class Course {
     /// Begins to count the time of a run with a limit; the first step follows. Throws UsageError if saving alone would
     /// take longer than is left.
     void start(const TimeCosts& costs, std::int64_t count);
-    /// Goes on with a stretch. A time limit shortens it, and the schedules with it, to what is left for a model of
+    /// Goes on with a segment. A time limit shortens it, and the schedules with it, to what is left for a model of
     /// `count` Gaussians.
-    void begin(const Stretch& stretch, std::int64_t count);
+    void begin(const ScheduleSegment& segment, std::int64_t count);
 
-    const Moment& moment() const { return moment_; }
+    const ScheduleMoment& moment() const { return moment_; }
     bool finished() const { return finished_; }
     /// Goes on after a step on `views` views, with `count` Gaussians. Each view is an iteration.
     void advance(std::int64_t count, std::int64_t views = 1);
-    /// Returns the number of iterations of the run, or to the end of the stretch; 0 while time decides.
+    /// Returns the number of iterations of the run, or to the end of the segment; 0 while time decides.
     std::int64_t expected_iterations() const;
     /// Returns the seconds of the time limit that are left, also for what follows the steps; empty without a limit.
     std::optional<double> seconds_left() const;
@@ -117,7 +117,7 @@ class Course {
   private:
     void advance_one(std::int64_t count);
     bool ends_here() const;
-    void advance_stretch(std::int64_t count);
+    void advance_segment(std::int64_t count);
 
     const ScheduleOptions options_;
     double limit_;  ///< seconds; 0 = none
@@ -126,10 +126,10 @@ class Course {
     std::optional<TimeBudget> budget_;
     std::int64_t first_iteration_ = 0;  ///< steps before start()
     double warm_position_ = 0;          ///< after the first steps under a time limit
-    std::optional<Stretch> stretch_;
-    std::int64_t stretch_iteration_ = 0;  ///< steps before the stretch
-    double stretch_start_ = 0;            ///< seconds of the time limit before it
-    Moment moment_;
+    std::optional<ScheduleSegment> segment_;
+    std::int64_t segment_iteration_ = 0;  ///< steps before the segment
+    double segment_start_ = 0;            ///< seconds of the time limit before it
+    ScheduleMoment moment_;
     bool finished_ = false;
 };
 
