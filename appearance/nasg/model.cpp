@@ -188,7 +188,10 @@ ModelOption lobe_rate_option() {
             .help =
                 "first rate of the lobes of nasg and nasgabor; auto: the paper's rule, 0.0025 where cameras are 0.354 "
                 "scene units apart, "
-                "falling with the square of their distance"};
+                "falling with the square of their distance",
+            .measured =
+                "auto, nasg: builtin:glossy 31.57 instead of 33.21 dB, lego 35.48 instead of 35.37 "
+                "([appearance](lab/appearance.md#appearance-models-quality))"};
 }
 
 /// Where no rate is given, the rule of the NASG reference: 0.0025 at a camera spacing of 0.3536, falling with its

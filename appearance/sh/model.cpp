@@ -22,7 +22,8 @@ const ModelInfo& sh_info() {
                       .min = 0,
                       .max = 3,
                       .is_whole = true,
-                      .help = "with appearance sh: highest band"}};
+                      .help = "with appearance sh: highest band",
+                      .measured = "TODO"}};
         m.operations = 85, m.operations_backward = 190;
         m.default_max_degree = 3;
         m.max_degree_limit = 3;

@@ -61,7 +61,7 @@ struct ShownView {
     CameraParams<float> camera;
     RenderMode mode = RenderMode::kFull;
     bool for_step = false;
-    ImageId id;                    ///< of a training view
+    ImageId id = {};               ///< of a training view
     ViewReport* report = nullptr;  ///< of a step's view
 };
 

@@ -64,10 +64,11 @@ struct Option {
     bool is_basic = false;                     ///< stands in the help that fits one screen
     bool is_path = false;                      ///< names a file or folder of the user
     Scope scope = Scope::kExperiment;
+    std::string measured = {};  ///< what it gives, for docs/options.md; every option of an experiment says it
     std::string frontier = {};  ///< the value that recipe frontier puts in place of the default; empty = none
 };
 
-/// All options, grouped, in the order of TrainOptions.
+/// All options, grouped.
 const std::vector<Option>& train_option_table();
 
 /// The headings in the order of the table.

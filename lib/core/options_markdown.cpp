@@ -41,10 +41,12 @@ std::string options_markdown() {
     for (const Option& option : train_option_table()) {
         if (option.group != group) {
             group = option.group;
-            text += fmt::format("\n## {}\n\n| option | default | values | meaning |\n|---|---|---|---|\n", group);
+            text += fmt::format(
+                "\n## {}\n\n| option | default | values | meaning | what it gives, measured |\n|---|---|---|---|---|\n",
+                group);
         }
-        text += fmt::format("| {} | {} | {} | {} |\n", spellings(option), default_cell(option), range_cell(option),
-                            option.help);
+        text += fmt::format("| {} | {} | {} | {} | {} |\n", spellings(option), default_cell(option), range_cell(option),
+                            option.help, option.measured);
     }
     return text;
 }

@@ -26,8 +26,8 @@ inline TargetImage target_image(const ViewImage& image, ImageId id = {}) {
 
 /// One training view as a step uses it.
 struct StepView {
-    std::size_t index = 0;                   ///< index into scene.train
-    std::shared_ptr<const ViewImage> image;  ///< null: its pixels are read elsewhere
+    std::size_t index = 0;                        ///< index into scene.train
+    std::shared_ptr<const ViewImage> image = {};  ///< null: its pixels are read elsewhere
     Vec3<float> background{};
     int factor = 1;  ///< by which the image is reduced
 };

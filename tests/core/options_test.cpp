@@ -59,6 +59,11 @@ TEST(Options, EveryOneHasHelpRangeAndUniqueSpellings) {
     }
 }
 
+TEST(Options, ThoseOfAnExperimentSayWhatTheyGive) {
+    for (const Option& option : train_option_table())
+        EXPECT_EQ(option.measured.empty(), option.scope != Scope::kExperiment) << option.key;
+}
+
 TEST(Options, SpeedySplatGoesWithAdcAndRaisesTheOpacityRate) {
     EXPECT_NE(complaint("speedy-splat", "true").find("option speedy-splat: goes with strategy adc, not with mcmc"),
               std::string::npos);

@@ -24,7 +24,9 @@ struct Fixture {
         target.resize(std::size_t(w) * h * channels);
         for (auto& x : target) x = std::uint8_t(rng() % 256);
     }
-    TargetImage view() const { return {w, h, channels, target.data(), nullptr, mask.empty() ? nullptr : mask.data()}; }
+    TargetImage view() const {
+        return {w, h, channels, target.data(), nullptr, mask.empty() ? nullptr : mask.data(), {}};
+    }
     double target_value(int x, int y, int c) const {
         const std::uint8_t* p = &target[(std::size_t(y) * w + x) * channels];
         if (channels == 3) return p[c] / 255.0;
