@@ -57,7 +57,7 @@ class StepComposer {
     const LearningRates& rates() const { return rates_; }
 
   private:
-    /// Returns the part that both kinds of steps have in common.
+    /// Returns what steps of the model and of the controller have in common: the view, and the loss of its image.
     StepRequest request_of(const StepView& view, std::int64_t iteration) const;
 
     const OptimizerOptions options_;
