@@ -75,7 +75,7 @@ class ViewRenderer {
                                DeviceArray<WireSplat>& out) = 0;
 
     /// Returns half the squared error of a view, weighted by its mask.
-    virtual double squared_error(const StepRequest& request, const SplatParts& splats) = 0;
+    virtual double half_squared_error(const StepRequest& request, const SplatParts& splats) = 0;
     /// Computes what a view adds to the score of each splat (Backend::scores).
     virtual void add_scores(const RenderRequest& request, const SplatParts& splats, const SumParts<double>& scores) = 0;
     /// Computes what a view says of the residual of each splat (Backend::residual_scores).

@@ -14,6 +14,7 @@
 #include "kernels/base/vec.h"
 #include "kernels/splat/camera.h"
 #include "kernels/splat/raster_config.h"
+#include "kernels/splat/view_report.h"
 #include "kernels/state/gaussian_state.h"
 
 namespace gs {
@@ -77,13 +78,6 @@ struct RenderedImage {
     std::vector<float> alpha;  ///< (H,W), 1 - final transmittance
 };
 
-/// The weights of the terms of the loss (docs/math/optimization.md).
-struct LossWeights {
-    float lambda_dssim = 0.2f;  ///< of 1 - SSIM; the L1 difference has one minus it
-    float opacity_reg = 0.01f;  ///< of mean(opacity)
-    float scale_reg = 0.01f;    ///< of mean(exp(raw_scale))
-};
-
 /// The learning rates of a step.
 struct StepRates {
     double groups[kNumGroups] = {};
@@ -105,7 +99,8 @@ struct StepRates {
     }
 };
 
-/// One optimizer step on one view.
+/// One optimizer step on one view. Other ranks get the fields that visit_step (kernels/ranks/message.cpp) lists: a new
+/// one belongs there, too.
 struct StepRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};

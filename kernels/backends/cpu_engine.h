@@ -76,7 +76,7 @@ template <class Model> class CpuEngine : public Engine {
     void step(const StepRequest& r) override {
         keep_last_steps(r);
         const bool corrected = is_corrected(state_.ppisp, r.isp), corrects = corrected && r.rates.isp > 0;
-        const LossValues loss = view_loss(r, corrected);
+        const ViewLoss loss = view_loss(r, corrected);
         ++state_.step;  // skipped steps count too, because a device learns of those too late to leave them out
         if (corrects) ++state_.ppisp.step;
         if (!note_loss(loss)) return;
@@ -91,7 +91,7 @@ template <class Model> class CpuEngine : public Engine {
 
     void distill(const StepRequest& r, const SplatParts* splats) override {
         check_distillation(state_.ppisp, r.isp);
-        const LossValues loss = view_loss(r, true, splats);
+        const ViewLoss loss = view_loss(r, true, splats);
         if (r.rates.isp > 0) ++state_.ppisp.controller_step;
         if (!note_loss(loss) || r.rates.isp <= 0) return;
         const StageTimer timer(correction_seconds_);
@@ -166,7 +166,7 @@ template <class Model> class CpuEngine : public Engine {
     void loss_of_splats(const StepRequest& r, const SplatParts& splats, const SumParts<SplatSums<float>>& sums,
                         std::vector<float>& isp_gradient, ViewReport* report) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp);
-        const LossValues loss = view_loss(r, corrected, &splats);
+        const ViewLoss loss = view_loss(r, corrected, &splats);
         if (std::isfinite(loss.loss)) {
             backward(corrected);
             write_sums(splats, sums, [&](std::int64_t i, SplatSums<float>& out) { out = raster_.sums(i); });
@@ -175,7 +175,8 @@ template <class Model> class CpuEngine : public Engine {
             write_sums(splats, sums, [](std::int64_t, SplatSums<float>& out) { out = {}; });
         }
         count_work(r);
-        report->loss = {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
+        report->loss = loss;
+        report->loss.num_instances = raster_.num_instances();
     }
     std::vector<ViewReport> read_reports(const std::vector<ImageId>&, int) override {
         const std::vector<ViewReport> oldest = std::move(unread_reports_.front());
@@ -187,10 +188,11 @@ template <class Model> class CpuEngine : public Engine {
         unread_reports_.clear();
         decision_ = StepDecision::kTake;
     }
-    double squared_error(const StepRequest& r, const SplatParts& splats) override {
+    double half_squared_error(const StepRequest& r, const SplatParts& splats) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp);
         view_image(r, corrected, &splats);
-        return loss_.error((corrected ? corrected_ : image_).data(), r.target, r.background, dL_dimage_.data());
+        return loss_.half_squared_error((corrected ? corrected_ : image_).data(), r.target, r.background,
+                                        dL_dimage_.data());
     }
     void add_scores(const RenderRequest& r, const SplatParts& splats, const SumParts<double>& scores) override {
         const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
@@ -204,7 +206,7 @@ template <class Model> class CpuEngine : public Engine {
     void add_residual_sums(const StepRequest& r, const SplatParts& splats,
                            const SumParts<ResidualSplatSums>& sums) override {
         std::vector<Vec3<float>> gradients(num_splats(splats));
-        squared_error(r, splats);
+        half_squared_error(r, splats);
         backward(is_corrected(state_.ppisp, r.isp));
         parallel_for_rows(std::int64_t(gradients.size()),
                           [&](std::int64_t i) { gradients[i] = raster_.color_gradient(i); });
@@ -364,15 +366,15 @@ template <class Model> class CpuEngine : public Engine {
     }
 
     /// Does the same, and leaves the gradient of the loss by the last of these in dL_dimage_.
-    LossValues view_loss(const StepRequest& r, bool corrected, const SplatParts* splats = nullptr) {
+    ViewLoss view_loss(const StepRequest& r, bool corrected, const SplatParts* splats = nullptr) {
         view_image(r, corrected, splats);
         const StageTimer timer(loss_seconds_);
-        return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.loss.lambda_dssim,
+        return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.loss,
                              dL_dimage_.data());
     }
 
     /// Notes the loss. Returns false if it is not finite, so that the step must be skipped.
-    bool note_loss(const LossValues& loss) {
+    bool note_loss(const ViewLoss& loss) {
         stats_.loss = loss.loss, stats_.l1 = loss.l1, stats_.ssim = loss.ssim;
         stats_.num_instances = raster_.num_instances();
         ++stats_.steps;

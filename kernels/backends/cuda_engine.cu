@@ -36,7 +36,7 @@ __global__ void __launch_bounds__(kLossSumThreads)
     if (threadIdx.x > 0) return;
     status->num_instances = control->num_instances;
     status->num_pairs = control->num_pairs;
-    status->l1 = loss.x, status->ssim = loss.y;
+    status->l1_sum = loss.x, status->ssim_sum = loss.y;
     status->num_visible = control->num_visible;
     status->num_nonfinite = control->num_nonfinite;
     status->stopped = control->stopped;
@@ -572,9 +572,8 @@ void CudaEngine::enqueue_loss(const StepRequest& r, const DeviceTarget& target) 
     const bool corrected = ppisp_.corrects(r.isp);
     if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
     times_.end(CudaStage::kCorrect, stream_);
-    loss_.compute(
-        {corrected ? ppisp_.corrected() : image_, target.image, r.background, r.loss.lambda_dssim, target.weight_sum},
-        dL_dimage_, control_.get(), stream_);
+    loss_.compute({corrected ? ppisp_.corrected() : image_, target.image, r.background, r.loss, target.weight_sum},
+                  dL_dimage_, control_.get(), stream_);
     times_.end(CudaStage::kLoss, stream_);
     if (corrected) ppisp_.backward(image_, dL_dimage_, stream_);
 }
@@ -649,7 +648,7 @@ void CudaEngine::finish_oldest() {
         return;
     }
     adapt_room(std::int64_t(status.num_instances));
-    note_loss(status, s.request.loss.lambda_dssim, s.target.weight_sum);
+    note_loss(status, s.request.loss, s.target.weight_sum);
     stats_.num_nonfinite_gradients += status.num_nonfinite;
     if (times_.pass)
         times_.count(double(model_.count), status.num_visible,
@@ -659,9 +658,9 @@ void CudaEngine::finish_oldest() {
     in_flight_.pop_front();
 }
 
-void CudaEngine::note_loss(const StepStatus& status, float lambda_dssim, double weight_sum) {
+void CudaEngine::note_loss(const StepStatus& status, const LossWeights& weights, double weight_sum) {
     const ViewLoss loss =
-        loss_of_sums(status.l1, status.ssim, lambda_dssim, weight_sum, std::int64_t(status.num_instances));
+        loss_of_sums(status.l1_sum, status.ssim_sum, weights, weight_sum, std::int64_t(status.num_instances));
     stats_.l1 = loss.l1, stats_.ssim = loss.ssim, stats_.loss = loss.loss;
     stats_.num_instances = loss.num_instances;
     stats_.consecutive_skips = std::isfinite(loss.loss) ? 0 : stats_.consecutive_skips + 1;
@@ -759,11 +758,12 @@ std::optional<std::vector<float>> CudaEngine::scores(const std::vector<RenderReq
     }
     return scores.download();
 }
-TargetImage CudaEngine::enqueue_error(const StepRequest& r, double* error) {
+TargetImage CudaEngine::enqueue_half_squared_error(const StepRequest& r, double* error) {
     const TargetImage target = images_.get(r.target, 0, stream_).image;
     const bool corrected = ppisp_.corrects(r.isp);
     if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
-    write_error({corrected ? ppisp_.corrected() : image_, target, r.background, 0, 0}, dL_dimage_, error, stream_);
+    write_half_squared_error({corrected ? ppisp_.corrected() : image_, target, r.background}, dL_dimage_, error,
+                             stream_);
     return target;
 }
 std::optional<ResidualScores> CudaEngine::residual_scores(std::size_t num_views, const StepSource& step_on) {
@@ -776,7 +776,7 @@ std::optional<ResidualScores> CudaEngine::residual_scores(std::size_t num_views,
     for (std::size_t view = 0; view < num_views; ++view) {
         const StepRequest r = step_on(view);
         const CudaBins bins = forward_whole({r.camera, r.background, RenderMode::kFull, r.isp}, true);
-        const TargetImage target = enqueue_error(r, nullptr);
+        const TargetImage target = enqueue_half_squared_error(r, nullptr);
         if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
         const SlotMap slots = binning_.slots();
         const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};

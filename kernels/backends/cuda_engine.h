@@ -29,7 +29,7 @@ namespace gs {
 /// The report of a step, which the device writes into the host's memory.
 struct StepStatus {
     unsigned long long num_instances, num_pairs;
-    double l1, ssim;
+    double l1_sum, ssim_sum;  ///< over pixels and channels
     unsigned num_visible, num_nonfinite, stopped;
 };
 
@@ -68,7 +68,7 @@ class CudaEngine final : public Engine {
                                   bool last) override;
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RowCounts>& of_ranks,
                        DeviceArray<WireSplat>& out) override;
-    double squared_error(const StepRequest& request, const SplatParts& splats) override;
+    double half_squared_error(const StepRequest& request, const SplatParts& splats) override;
     void add_scores(const RenderRequest& request, const SplatParts& splats, const SumParts<double>& scores) override;
     void add_residual_sums(const StepRequest& request, const SplatParts& splats,
                            const SumParts<ResidualSplatSums>& sums) override;
@@ -152,7 +152,7 @@ class CudaEngine final : public Engine {
     void finish_image(const RenderRequest& request, RenderedImage& out);
     /// Writes the gradient of half the squared error of a rendered training view to dL_dimage_. Adds that error to
     /// *error, on the device, unless that is null. Returns the target.
-    TargetImage enqueue_error(const StepRequest& r, double* error);
+    TargetImage enqueue_half_squared_error(const StepRequest& r, double* error);
     /// Enqueues the loss of the view that was rendered last, down to the gradient of the rendered image.
     void enqueue_loss(const StepRequest& r, const DeviceTarget& target);
     /// Turns dL_dimage_ into the sums of the view's `n` splats.
@@ -171,7 +171,7 @@ class CudaEngine final : public Engine {
     /// Writes these sums as they are sent.
     void pack_sums_of_splats(const SumParts<SplatSums<float>>& sums);
     /// Notes the loss of a step in stats_.
-    void note_loss(const StepStatus& status, float lambda_dssim, double weight_sum);
+    void note_loss(const StepStatus& status, const LossWeights& weights, double weight_sum);
     /// Begins or ends keeping the step that each Gaussian took last. All are up to date where it begins.
     void keep_last_steps(const StepRequest& r);
     /// Returns the arrays of the model that a step uses.

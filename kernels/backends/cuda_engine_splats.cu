@@ -35,11 +35,11 @@ __global__ void __launch_bounds__(kSharedBlock)
 
 /// Adds the loss of a view to the report on it.
 __global__ void __launch_bounds__(kLossSumThreads)
-    report_view(const StepControl* __restrict__ control, CudaLossSums sums, float lambda_dssim, double weight_sum,
+    report_view(const StepControl* __restrict__ control, CudaLossSums sums, LossWeights weights, double weight_sum,
                 ViewReport* __restrict__ out) {
     const double2 loss = add_up(sums);
     if (threadIdx.x > 0) return;
-    out->loss = loss_of_sums(loss.x, loss.y, lambda_dssim, weight_sum, std::int64_t(control->num_instances));
+    out->loss = loss_of_sums(loss.x, loss.y, weights, weight_sum, std::int64_t(control->num_instances));
     out->lacks_instances = control->stopped;
 }
 
@@ -164,8 +164,8 @@ void CudaEngine::loss_of_splats(const StepRequest& r, const SplatParts& splats, 
         const CudaBins bins = enqueue_forward(splats, view_of(r), true, forecast_.most(r.target.id));
         enqueue_loss(r, target);
         enqueue_sums_of_splats(r, splats, bins);
-        report_view<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss_.sums(), r.loss.lambda_dssim,
-                                                        target.weight_sum, report);
+        report_view<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss_.sums(), r.loss, target.weight_sum,
+                                                        report);
         GS_CUDA_LAUNCHED("report_view");
     });
     wire_.placed = 0, wire_.splats_from = wire_.sums_from = 0;
@@ -253,15 +253,15 @@ void CudaEngine::distill_splats(const SplatParts& splats, const StepRequest& r) 
     if (r.rates.isp > 0)
         ppisp_.step_controller(image_, r.rates.isp, ppisp_.begin_controller_step(), control_.get(), stream_);
     const StepStatus status = read_status(loss_.sums());
-    note_loss(status, r.loss.lambda_dssim, target.weight_sum);
+    note_loss(status, r.loss, target.weight_sum);
     stats_.num_nonfinite_gradients += status.num_nonfinite;
 }
 
-double CudaEngine::squared_error(const StepRequest& r, const SplatParts& splats) {
+double CudaEngine::half_squared_error(const StepRequest& r, const SplatParts& splats) {
     forward_whole(splats, view_of(r), true);
     DeviceBuffer<double> error;
     GS_CUDA(cudaMemsetAsync(error.reserve(1), 0, sizeof(double), stream_));
-    enqueue_error(r, error.get());
+    enqueue_half_squared_error(r, error.get());
     GS_CUDA(cudaStreamSynchronize(stream_));
     return error.download(1)[0];
 }
@@ -282,7 +282,7 @@ void CudaEngine::add_residual_sums(const StepRequest& r, const SplatParts& splat
     std::vector<SplatSums<float>> gradients, weights;
     if (n > 0) {
         const CudaBins bins = forward_whole(splats, view_of(r), true);
-        const TargetImage target = enqueue_error(r, nullptr);
+        const TargetImage target = enqueue_half_squared_error(r, nullptr);
         if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
         DeviceArray<SplatSums<float>> sums(&device_stream_);
         sums.resize(std::size_t(n));

@@ -11,6 +11,7 @@
 #include "kernels/optimizer/update_device.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/binning_cuda.h"
+#include "kernels/splat/view_report.h"
 #include "kernels/splat/wire_splat.h"
 
 namespace gs {

@@ -9,6 +9,7 @@
 #include "kernels/sort/binning_cuda.h"
 #include "kernels/splat/gaussian_rows_device.h"
 #include "kernels/splat/splat_order.h"
+#include "kernels/splat/view_report.h"
 #include "kernels/splat/wire_splat.h"
 
 namespace gs {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The loss on the device in two kernels: one makes SSIM's derivative maps, the other the gradient. A block filters a
 // 32x32 tile of one channel with its 5-pixel border, first the rows, eight outputs a thread, then the columns, four
-// outputs a thread. So a value that is read once from shared memory serves several taps.
+// outputs a thread. So a value that is read once from shared memory serves several taps. It is built with fast
+// divisions and square roots, and without denormals (kernels/CMakeLists.txt).
 #include <climits>
 #include <type_traits>
 
@@ -17,7 +18,7 @@ constexpr int kTapCount = 2 * kSsimRadius + 1;
 
 struct LossArgs {
     CudaLossInput in;
-    float l1_step, ssim_step;
+    float l1_weight = 0, ssim_weight = 0;  ///< of a value in the means
     SsimTaps<float> taps{};
 
     __device__ float tap(int k) const { return taps.g[k < kSsimRadius ? kSsimRadius - k : k - kSsimRadius]; }
@@ -194,7 +195,7 @@ __global__ void __launch_bounds__(kThreads, 4)
         block.for_outputs(a, i, j, [&](const auto& pixels) {
             pixels.for_each([&](int o, unsigned pixel) {
                 const SsimPixel<float> p = ssim(o);
-                const float w = a.in.target.mask ? component(a.in.target.mask[pixel]) : 1.0f, u = a.ssim_step * w;
+                const float w = a.in.target.mask ? component(a.in.target.mask[pixel]) : 1.0f, u = a.ssim_weight * w;
                 p_map[pixel] = u * p.p;
                 q_map[pixel] = u * p.q;
                 r_map[pixel] = u * p.r;
@@ -286,9 +287,9 @@ __global__ void __launch_bounds__(kThreads, 4)
         const typename Storage::template Targets<kDown> targets(a, block.c, pixels);
         pixels.for_each([&](int o, unsigned pixel) {
             const float w = targets.weight[o], p = w * render[o], t = w * targets.value[o], d = p - t;
-            const float sign = d > 0 ? 1.0f : (d < 0 ? -1.0f : 0.0f);
-            sum += d * sign;
-            gradient[pixel] = w * (a.l1_step * sign + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
+            const L1Pixel<float> l1 = l1_pixel(d);
+            sum += l1.value;
+            gradient[pixel] = w * (a.l1_weight * l1.slope + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
         });
     });
     if (add_up_in_first_warp(sum) && threadIdx.x == 0) {
@@ -299,7 +300,8 @@ __global__ void __launch_bounds__(kThreads, 4)
 
 /// With a thread per pixel of a row and channel. Without an image it writes the weights alone. `error` may be null.
 template <class Storage>
-__global__ void __launch_bounds__(kThreads) error_of_pixels(LossArgs a, float* __restrict__ out, double* error) {
+__global__ void __launch_bounds__(kThreads)
+    half_squared_error_of_pixels(LossArgs a, float* __restrict__ out, double* error) {
     const int c = blockIdx.z;
     const Column<1, false> pixels(a, blockIdx.x * kThreads + threadIdx.x, blockIdx.y, 1);
     const typename Storage::template Targets<1> target(a, c, pixels);
@@ -318,16 +320,16 @@ dim3 grid_of(int width, int height) { return {num_blocks(width, kTile), num_bloc
 
 }  // namespace
 
-void write_error(const CudaLossInput& in, float* out, double* error, cudaStream_t stream) {
+void write_half_squared_error(const CudaLossInput& in, float* out, double* error, cudaStream_t stream) {
     const dim3 grid(num_blocks(in.target.width, kThreads), in.target.height, 3);
     with_storage(in.target, [&](auto storage) {
-        error_of_pixels<decltype(storage)><<<grid, kThreads, 0, stream>>>({in, 0, 0}, out, error);
+        half_squared_error_of_pixels<decltype(storage)><<<grid, kThreads, 0, stream>>>({.in = in}, out, error);
     });
-    GS_CUDA_LAUNCHED("error_of_pixels");
+    GS_CUDA_LAUNCHED("half_squared_error_of_pixels");
 }
 
 void write_weights(const TargetImage& target, float* out, cudaStream_t stream) {
-    write_error({nullptr, target, {0, 0, 0}, 0, 0}, out, nullptr, stream);
+    write_half_squared_error({.target = target}, out, nullptr, stream);
 }
 
 void CudaLoss::take(Carver& c, int width, int height) {
@@ -343,8 +345,8 @@ void CudaLoss::compute(const CudaLossInput& in, float* dL_dimage, StepControl* c
             cudaMemsetAsync(dL_dimage, 0, 3 * std::size_t(in.target.width) * in.target.height * sizeof(float), stream));
         return;
     }
-    const LossArgs args{in, float((1 - in.lambda_dssim) / (3 * in.weight_sum)),
-                        float(-in.lambda_dssim / (3 * in.weight_sum))};
+    const double lambda = in.weights.lambda_dssim, norm = 1 / (3 * in.weight_sum);
+    const LossArgs args{.in = in, .l1_weight = float((1 - lambda) * norm), .ssim_weight = float(-lambda * norm)};
     const dim3 grid = grid_of(in.target.width, in.target.height);
     sums_ = {partials_, grid.x * grid.y * grid.z};
     with_storage(in.target, [&](auto storage) {

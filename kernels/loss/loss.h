@@ -8,11 +8,6 @@
 
 namespace gs {
 
-/// The loss of one view and its parts.
-struct LossValues {
-    double loss = 0, l1 = 0, ssim = 0;  ///< loss: without regularisers
-};
-
 /// Computes the loss of images. It reuses its buffers from call to call.
 template <class Real> class ImageLoss {
   public:
@@ -20,12 +15,12 @@ template <class Real> class ImageLoss {
     /// where it has alpha. Overwrites dL_dimage (3,H,W). With a mask, L1 is the weighted mean; SSIM sees both images
     /// multiplied by the mask and is averaged with it. An all-zero mask gives loss 0 and gradient 0. The result does
     /// not depend on threads, to the bit. Takes about 60 bytes per pixel and channel.
-    LossValues compute(const Real* image, const TargetImage& target, const Vec3<float>& background, double lambda_dssim,
-                       Real* dL_dimage);
+    ViewLoss compute(const Real* image, const TargetImage& target, const Vec3<float>& background,
+                     const LossWeights& weights, Real* dL_dimage);
 
-    /// Returns half the squared error, weighted by the mask and summed over pixels and channels, and writes its
-    /// gradient to `out` (3,H,W).
-    double error(const Real* image, const TargetImage& target, const Vec3<float>& background, Real* out);
+    /// Not a term of the loss: scores of residuals use it. Returns half the squared error, weighted by the mask and
+    /// summed over pixels and channels, and writes its gradient to `out` (3,H,W).
+    double half_squared_error(const Real* image, const TargetImage& target, const Vec3<float>& background, Real* out);
     /// Writes the weight of each pixel to `out` (3,H,W): the mask, or 1.
     void weights(const TargetImage& target, Real* out) const;
 

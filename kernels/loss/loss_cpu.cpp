@@ -106,18 +106,17 @@ Real ssim_row(const Real* const moments[5], const Real* weight, Real step, int w
 }
 
 /// Writes the gradient of a row of the render from the filtered derivatives p, q and r of SSIM. Returns the sum of
-/// absolute differences; masked images are already multiplied by the weight.
+/// absolute differences. Masked images are already multiplied by the weight m: |m d| = m |d|.
 template <bool kWeighted, class Real>
 Real gradient_row(const Real* render, const Real* target, const Real* const derivatives[3], const Real* weight,
-                  Real l1_step, int width, Real* out) {
+                  Real l1_weight, int width, Real* out) {
     const Real *p = derivatives[0], *q = derivatives[1], *r = derivatives[2];
     Real sum = 0;
 #pragma omp simd reduction(+ : sum)
     for (int x = 0; x < width; ++x) {
-        const Real difference = render[x] - target[x];
-        const Real sign = (difference > Real(0) ? Real(1) : Real(0)) - (difference < Real(0) ? Real(1) : Real(0));
-        sum += difference * sign;
-        const Real g = l1_step * sign + p[x] + Real(2) * render[x] * q[x] + target[x] * r[x];
+        const L1Pixel<Real> l1 = l1_pixel(render[x] - target[x]);
+        sum += l1.value;
+        const Real g = l1_weight * l1.slope + p[x] + Real(2) * render[x] * q[x] + target[x] * r[x];
         out[x] = kWeighted ? g * weight[x] : g;
     }
     return sum;
@@ -151,17 +150,6 @@ template <class Real> void decode_target(const TargetImage& t, const Vec3<float>
         decode(t.f32, Real(1));
 }
 
-/// Adds up the sums of all tasks in their order; `norm`: one over the weights of all values.
-LossValues weighted_means(const std::vector<double>& l1_sums, const std::vector<double>& ssim_sums, double norm,
-                          double lambda_dssim) {
-    LossValues out;
-    for (std::size_t k = 0; k < l1_sums.size(); ++k) out.l1 += l1_sums[k], out.ssim += ssim_sums[k];
-    out.l1 *= norm;
-    out.ssim *= norm;
-    out.loss = (1 - lambda_dssim) * out.l1 + lambda_dssim * (1 - out.ssim);
-    return out;
-}
-
 }  // namespace
 
 template <class Real>
@@ -177,8 +165,8 @@ double ImageLoss<Real>::apply_mask(const Real* image, const std::uint8_t* mask, 
 }
 
 template <class Real>
-LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target, const Vec3<float>& background,
-                                    double lambda_dssim, Real* dL_dimage) {
+ViewLoss ImageLoss<Real>::compute(const Real* image, const TargetImage& target, const Vec3<float>& background,
+                                  const LossWeights& weights, Real* dL_dimage) {
     static const SsimTaps<Real> taps;
     const int w = target.width, h = target.height;
     const std::size_t pixels = std::size_t(w) * h;
@@ -199,8 +187,8 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     const auto weight_row = [&](int y) { return is_weighted ? &weight_[std::size_t(y) * w] : nullptr; };
     const auto ssim_of_row = is_weighted ? ssim_row<true, Real> : ssim_row<false, Real>;
     const auto gradient_of_row = is_weighted ? gradient_row<true, Real> : gradient_row<false, Real>;
-    const double norm = 1.0 / (3 * weight_sum);
-    const Real l1_step = Real((1 - lambda_dssim) * norm), ssim_step = Real(-lambda_dssim * norm);
+    const double norm = 1.0 / (3 * weight_sum), lambda = weights.lambda_dssim;
+    const Real l1_weight = Real((1 - lambda) * norm), ssim_weight = Real(-lambda * norm);
     maps_.resize(3 * 3 * pixels);
 
     const std::int64_t strips = (h + kRows - 1) / kRows, tasks = 3 * strips;
@@ -218,7 +206,7 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
             vertical_moments(Window<Real>(a, y, zeros), Window<Real>(b, y, zeros), taps, w, vertical);
             for (int k = 0; k < 5; ++k) filter_row(vertical[k], taps, w, filtered[k]);
             Real* p = &maps_[(3 * c) * pixels + std::size_t(y) * w];
-            ssim_sum += ssim_of_row(filtered, weight_row(y), ssim_step, w, p, p + pixels, p + 2 * pixels);
+            ssim_sum += ssim_of_row(filtered, weight_row(y), ssim_weight, w, p, p + pixels, p + 2 * pixels);
         }
         ssim_sums_[task] = ssim_sum;
     });
@@ -236,12 +224,14 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
                 filter_row(v.row(0), taps, w, filtered[k]);
             }
             const std::size_t row = std::size_t(y) * w;
-            l1_sum += gradient_of_row(a.data + row, b.data + row, filtered, weight_row(y), l1_step, w,
+            l1_sum += gradient_of_row(a.data + row, b.data + row, filtered, weight_row(y), l1_weight, w,
                                       dL_dimage + c * pixels + row);
         }
         l1_sums_[task] = l1_sum;
     });
-    return weighted_means(l1_sums_, ssim_sums_, norm, lambda_dssim);
+    double l1_sum = 0, ssim_sum = 0;
+    for (std::int64_t task = 0; task < tasks; ++task) l1_sum += l1_sums_[task], ssim_sum += ssim_sums_[task];
+    return loss_of_sums(l1_sum, ssim_sum, weights, weight_sum);
 }
 
 template <class Real> void ImageLoss<Real>::weights(const TargetImage& target, Real* out) const {
@@ -255,7 +245,8 @@ template <class Real> void ImageLoss<Real>::weights(const TargetImage& target, R
 }
 
 template <class Real>
-double ImageLoss<Real>::error(const Real* image, const TargetImage& target, const Vec3<float>& background, Real* out) {
+double ImageLoss<Real>::half_squared_error(const Real* image, const TargetImage& target, const Vec3<float>& background,
+                                           Real* out) {
     decode_target(target, background, target_);
     weights(target, out);
     double sum = 0;

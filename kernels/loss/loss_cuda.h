@@ -11,16 +11,16 @@ namespace gs {
 
 /// A rendered image and its target, both on the device.
 struct CudaLossInput {
-    const float* image;  ///< (3,H,W)
-    TargetImage target;  ///< with device pointers
-    Vec3<float> background;
-    float lambda_dssim;
-    double weight_sum;  ///< sum of the mask's weights, or the number of pixels without a mask
+    const float* image = nullptr;  ///< (3,H,W)
+    TargetImage target;            ///< with device pointers
+    Vec3<float> background{0, 0, 0};
+    LossWeights weights = {};
+    double weight_sum = 0;  ///< sum of the mask's weights, or the number of pixels without a mask
 };
 
-/// Writes the gradient of half the squared error, weighted by the mask and summed over pixels and channels, to `out`
-/// (3,H,W), and adds that sum to *error.
-void write_error(const CudaLossInput& in, float* out, double* error, cudaStream_t stream);
+/// Not a term of the loss: scores of residuals use it. Writes the gradient of half the squared error, weighted by the
+/// mask and summed over pixels and channels, to `out` (3,H,W), and adds that sum to *error.
+void write_half_squared_error(const CudaLossInput& in, float* out, double* error, cudaStream_t stream);
 /// Writes the weight of each pixel to `out` (3,H,W): the mask, or 1.
 void write_weights(const TargetImage& target, float* out, cudaStream_t stream);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The SSIM of one pixel from its filtered moments, with derivatives (docs/math/optimization.md#ssim).
+// The L1 term and the SSIM of one pixel, with derivatives (docs/math/optimization.md#loss).
 #pragma once
 
 #include <cmath>
@@ -21,6 +21,15 @@ template <class T> struct SsimTaps {
         for (int i = 0; i <= kSsimRadius; ++i) g[i] = T(std::exp(-i * i / 4.5) / sum);
     }
 };
+
+/// The L1 term of a pixel and its derivative.
+template <class T> struct L1Pixel { T value, slope; };
+
+/// Computes |d| of a difference d. Its derivative at 0 is 0. It has no branches, so that loops over it vectorise.
+template <class T> GS_HD L1Pixel<T> l1_pixel(T d) {
+    const T sign = (d > T(0) ? T(1) : T(0)) - (d < T(0) ? T(1) : T(0));
+    return {d * sign, sign};
+}
 
 /// SSIM and its derivatives p, q, r by the filtered x (total, through mu1), x^2 and x y.
 template <class T> struct SsimPixel { T ssim, p, q, r; };

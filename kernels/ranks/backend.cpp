@@ -74,7 +74,7 @@ template <class Object, auto... kFunctions> class CallTable {
 /// Everything that ranks do together.
 using Calls = CallTable<Shard, &Shard::upload, &Shard::upload_ppisp, &Shard::download, &Shard::set_active_degree,
                         &Shard::render, &Shard::step, &Shard::finish_steps, &Shard::take_nonfinite, &Shard::distill,
-                        &Shard::squared_error, &Shard::scores, &Shard::residual_scores, &Shard::densify,
+                        &Shard::half_squared_error, &Shard::scores, &Shard::residual_scores, &Shard::densify,
                         &Shard::prune_nonfinite, &Shard::prune_invisible, &Shard::keep_rows, &Shard::morton_sort,
                         &Shard::take_reports, &Shard::measure_connection>;
 constexpr std::uint32_t kStep = Calls::number<&Shard::step>(), kEnd = 0xffffffff;
@@ -200,7 +200,7 @@ void Backend::render_all(const std::vector<RenderRequest>& views, std::vector<Re
     on_all<&Shard::render>(views, &out);
 }
 
-double Backend::squared_error(const StepRequest& view) { return on_all<&Shard::squared_error>(view); }
+double Backend::half_squared_error(const StepRequest& view) { return on_all<&Shard::half_squared_error>(view); }
 
 std::vector<float> Backend::scores(const std::vector<RenderRequest>& views) { return on_all<&Shard::scores>(views); }
 

@@ -72,7 +72,7 @@ class Backend {
     /// Returns what each residual is worth to `num_views` training views (kernels/blend/residual_score.h).
     ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on);
     /// Returns half the squared error of a training view, weighted by its mask, summed over pixels and channels.
-    double squared_error(const StepRequest& view);
+    double half_squared_error(const StepRequest& view);
     /// Takes the residual from the Gaussians without a mark (0 or 1, one per row), and gives those that had one the
     /// base colours `bases` (n,3), if there are any. Rows with a residual come first afterwards, each kind in its
     /// order.

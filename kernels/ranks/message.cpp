@@ -30,7 +30,7 @@ template <class IsMeant> void send(Communicator& ranks, const MessageWriter& mes
     }
 }
 
-/// Calls field(x) for every field that is sent.
+/// Calls field(x) for every field that is sent: all of StepRequest but what lies in rank 0's memory.
 template <class Request, class Field> void visit_step(Request& r, Field&& field) {
     field(r.camera), field(r.background);
     field(r.target.width), field(r.target.height), field(r.target.channels), field(r.target.id);

@@ -508,10 +508,10 @@ void Shard::distill(const StepRequest& request) {
     render_views({{request.camera}}, none, [&](std::size_t) { engine_.distill(request, &splats_); });
 }
 
-double Shard::squared_error(const StepRequest& request) {
+double Shard::half_squared_error(const StepRequest& request) {
     SumsOfViews<NoSum> none;
     double error = 0;
-    render_views({{request.camera}}, none, [&](std::size_t) { error = engine_.squared_error(request, splats_); });
+    render_views({{request.camera}}, none, [&](std::size_t) { error = engine_.half_squared_error(request, splats_); });
     return error;
 }
 

@@ -110,7 +110,7 @@ class Shard {
     /// Trains a controller on rank 0.
     void distill(const StepRequest& request);
     /// Returns half the squared error of a view, 0 on other ranks.
-    double squared_error(const StepRequest& request);
+    double half_squared_error(const StepRequest& request);
     /// Returns the scores of all rows, in the order of the whole model.
     std::vector<float> scores(const std::vector<RenderRequest>& views);
     /// Returns what residuals are worth to `num_views` views, for all rows in the order of the whole model.

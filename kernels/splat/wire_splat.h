@@ -67,45 +67,4 @@ struct alignas(16) WireSplat {
 };
 static_assert(sizeof(WireSplat) == 48);
 
-/// The loss of one view and its parts.
-struct ViewLoss {
-    double loss = 0, l1 = 0, ssim = 0;
-    std::int64_t num_instances = 0;
-};
-
-/// Returns the loss of a view by the sums of its weighted differences and SSIM over pixels and channels.
-GS_HD ViewLoss loss_of_sums(double l1, double ssim, float lambda_dssim, double weight_sum, std::int64_t num_instances) {
-    const double norm = weight_sum > 0 ? 1 / (3 * weight_sum) : 0;
-    l1 *= norm, ssim *= norm;
-    return {norm > 0 ? (1 - lambda_dssim) * l1 + lambda_dssim * (1 - ssim) : 0, l1, ssim, num_instances};
-}
-
-/// What a rank says of a view when a step was computed. Only the rank that renders the view says more than how many
-/// splats it has there.
-struct ViewReport {
-    ViewLoss loss;
-    std::int64_t num_splats = 0;  ///< of the rank's own Gaussians, also where there was less room
-    // Whether there was too little room for these splats, and for instances. The loss means nothing in the latter case.
-    std::uint32_t lacks_splats = 0, lacks_instances = 0;
-};
-static_assert(sizeof(ViewReport) % 16 == 0, "reports travel between devices");
-
-/// What becomes of a step: the last of these in this order that a report on its views asks for.
-enum class StepDecision : std::uint32_t {
-    kTake,
-    kSkip,   ///< a loss is not finite
-    kRepeat  ///< some rank had too little room
-};
-
-GS_HD StepDecision decide_step(const ViewReport& report) {
-    if (report.lacks_splats || report.lacks_instances) return StepDecision::kRepeat;
-    return gs_isfinite(report.loss.loss) ? StepDecision::kTake : StepDecision::kSkip;
-}
-
-inline StepDecision decide_step(std::span<const ViewReport> reports) {
-    StepDecision decision = StepDecision::kTake;
-    for (const ViewReport& report : reports) decision = std::max(decision, decide_step(report));
-    return decision;
-}
-
 }  // namespace gs

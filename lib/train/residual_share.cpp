@@ -75,7 +75,8 @@ int stage_at(const ScheduleMoment& moment) {
 std::vector<double> view_errors(Backend& backend, std::size_t num_views, const StepSource& step_on) {
     const std::size_t sampled = std::min(num_views, kMostViews);
     std::vector<double> errors;
-    for (std::size_t k = 0; k < sampled; ++k) errors.push_back(backend.squared_error(step_on(k * num_views / sampled)));
+    for (std::size_t k = 0; k < sampled; ++k)
+        errors.push_back(backend.half_squared_error(step_on(k * num_views / sampled)));
     return errors;
 }
 

@@ -117,7 +117,7 @@ TEST_F(GpuRanksOfOneModel, RenderAndScoreAsOne) {
     plain->render(requests[1], image);
     const auto scores = plain->scores(requests);
     const ResidualScores residuals = plain->residual_scores(kViews, step_on);
-    const double error = plain->squared_error(views.step(2));
+    const double error = plain->half_squared_error(views.step(2));
     for (const int ranks : {1, 2, 3}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
         on_device(ranks, views, [&](Backend& backend) {
@@ -130,7 +130,7 @@ TEST_F(GpuRanksOfOneModel, RenderAndScoreAsOne) {
             const ResidualScores found = backend.residual_scores(kViews, step_on);
             expect_close(residuals.worth, found.worth, 1e-3, "worth of residuals");
             expect_close(residuals.mean_base, found.mean_base, 1e-4, "mean bases");
-            EXPECT_NEAR(backend.squared_error(views.step(2)), error, 1e-4 * error);
+            EXPECT_NEAR(backend.half_squared_error(views.step(2)), error, 1e-4 * error);
         });
     }
 }

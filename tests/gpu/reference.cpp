@@ -448,8 +448,7 @@ template <class Model> StepReference double_step(const Gaussians& model, const S
     pipe.render(d, cast<double>(r.camera), {r.background.x, r.background.y, r.background.z});
     std::vector<double> dL_dimage(pipe.image.size());
     ImageLoss<double> loss;
-    const LossValues values =
-        loss.compute(pipe.image.data(), r.target, r.background, double(r.loss.lambda_dssim), dL_dimage.data());
+    const ViewLoss values = loss.compute(pipe.image.data(), r.target, r.background, r.loss, dL_dimage.data());
     auto gradients = pipe.gradients(d, dL_dimage);
     StepReference out;
     out.loss = {values.loss, 0}, out.l1 = {values.l1, 0}, out.ssim = {values.ssim, 0};

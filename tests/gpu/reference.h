@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a render and an optimizer step should give, in double (CpuRasterizer<double>, ImageLoss<double>), and how far
-// single precision may be from it.
+// single precision may be from it. noisy_loss (reference.cpp) repeats ImageLoss: change both.
 //
 // Images have bounds that no fp32 evaluation may exceed: the templates on Rounded (rounding.h). A fragment whose alpha
 // lies within its error of 1/255, or whose pixel's transmittance lies within its error of 1e-4, may be blended or not:

@@ -65,25 +65,26 @@ std::pair<double, double> brute_force(const Fixture& f) {
 void check_values(const Fixture& f) {
     ImageLoss<double> loss;
     std::vector<double> gradient(f.image.size());
-    const LossValues v = loss.compute(f.image.data(), f.view(), f.background, 0.2, gradient.data());
+    const ViewLoss v = loss.compute(f.image.data(), f.view(), f.background, {}, gradient.data());
     const auto [l1, ssim] = brute_force(f);
     EXPECT_NEAR(v.l1, l1, 1e-7);  // the background is float
     EXPECT_NEAR(v.ssim, ssim, 1e-7);
     EXPECT_NEAR(v.loss, 0.8 * l1 + 0.2 * (1 - ssim), 1e-7);
 }
 
-void check_gradient(Fixture f, double lambda) {
+void check_gradient(Fixture f, float lambda) {
+    const LossWeights weights{.lambda_dssim = lambda};
     ImageLoss<double> loss;
     std::vector<double> gradient(f.image.size()), scratch(f.image.size());
-    loss.compute(f.image.data(), f.view(), f.background, lambda, gradient.data());
+    loss.compute(f.image.data(), f.view(), f.background, weights, gradient.data());
     double scale = 0;
     for (double g : gradient) scale = std::max(scale, std::abs(g));
     for (std::size_t k = 0; k < f.image.size(); ++k) {
         const double h = 1e-6, x = f.image[k];
         f.image[k] = x + h;
-        const double up = loss.compute(f.image.data(), f.view(), f.background, lambda, scratch.data()).loss;
+        const double up = loss.compute(f.image.data(), f.view(), f.background, weights, scratch.data()).loss;
         f.image[k] = x - h;
-        const double down = loss.compute(f.image.data(), f.view(), f.background, lambda, scratch.data()).loss;
+        const double down = loss.compute(f.image.data(), f.view(), f.background, weights, scratch.data()).loss;
         f.image[k] = x;
         EXPECT_NEAR((up - down) / (2 * h), gradient[k], 1e-6 * scale) << k;
     }
@@ -101,13 +102,13 @@ TEST(Loss, MaskedEqualsTheDefinition) {
     f.mask.resize(23 * 17);
     for (std::size_t i = 0; i < f.mask.size(); ++i) f.mask[i] = i % 3 ? 255 : std::uint8_t(i % 100);
     check_values(f);
-    check_gradient(f, 0.2);
+    check_gradient(f, 0.2f);
 }
 
 TEST(Loss, GradientMatchesFiniteDifferences) {
-    for (double lambda : {0.0, 0.2, 1.0}) check_gradient(Fixture(19, 14, 3, 6), lambda);
-    check_gradient(Fixture(14, 12, 4, 7), 0.2);
-    check_gradient(Fixture(1, 1, 3, 8), 0.2);
+    for (float lambda : {0.0f, 0.2f, 1.0f}) check_gradient(Fixture(19, 14, 3, 6), lambda);
+    check_gradient(Fixture(14, 12, 4, 7), 0.2f);
+    check_gradient(Fixture(1, 1, 3, 8), 0.2f);
 }
 
 TEST(Loss, FloatAgreesWithDouble) {
@@ -116,8 +117,8 @@ TEST(Loss, FloatAgreesWithDouble) {
     ImageLoss<float> loss;
     std::vector<double> want(f.image.size());
     std::vector<float> got(f.image.size()), image(f.image.begin(), f.image.end());
-    const LossValues a = reference.compute(f.image.data(), f.view(), f.background, 0.2, want.data());
-    const LossValues b = loss.compute(image.data(), f.view(), f.background, 0.2, got.data());
+    const ViewLoss a = reference.compute(f.image.data(), f.view(), f.background, {}, want.data());
+    const ViewLoss b = loss.compute(image.data(), f.view(), f.background, {}, got.data());
     EXPECT_NEAR(a.loss, b.loss, 1e-6);
     double scale = 0, worst = 0;
     for (std::size_t i = 0; i < want.size(); ++i)
@@ -133,7 +134,7 @@ TEST(Loss, PerfectRenderHasNoLossAndNoGradient) {
             for (int x = 0; x < 20; ++x) f.image[(c * 20 + y) * 20 + x] = f.target[(y * 20 + x) * 3 + c] / 255.0;
     ImageLoss<double> loss;
     std::vector<double> g(f.image.size(), 1);
-    EXPECT_NEAR(loss.compute(f.image.data(), f.view(), f.background, 0.2, g.data()).loss, 0, 1e-12);
+    EXPECT_NEAR(loss.compute(f.image.data(), f.view(), f.background, {}, g.data()).loss, 0, 1e-12);
     for (double x : g) EXPECT_NEAR(x, 0, 1e-9);
 }
 
@@ -142,7 +143,7 @@ TEST(Loss, EmptyMaskGivesZero) {
     f.mask.assign(64, 0);
     ImageLoss<double> loss;
     std::vector<double> g(f.image.size(), 1);
-    EXPECT_EQ(loss.compute(f.image.data(), f.view(), f.background, 0.2, g.data()).loss, 0);
+    EXPECT_EQ(loss.compute(f.image.data(), f.view(), f.background, {}, g.data()).loss, 0);
     for (double x : g) EXPECT_EQ(x, 0);
 }
 
@@ -151,9 +152,9 @@ TEST(Loss, IsIndependentOfTheNumberOfThreads) {
     std::vector<float> image(f.image.begin(), f.image.end()), first(image.size()), other(image.size());
     ImageLoss<float> loss;
     set_num_threads(1);
-    const double a = loss.compute(image.data(), f.view(), f.background, 0.2, first.data()).loss;
+    const double a = loss.compute(image.data(), f.view(), f.background, {}, first.data()).loss;
     set_num_threads(3);
-    const double b = loss.compute(image.data(), f.view(), f.background, 0.2, other.data()).loss;
+    const double b = loss.compute(image.data(), f.view(), f.background, {}, other.data()).loss;
     set_num_threads(0);
     EXPECT_EQ(a, b);
     EXPECT_EQ(first, other);

@@ -65,6 +65,7 @@ struct RankViews {
         r.background = {0.2f, 0.1f, 0.3f};
         r.target = target(int(view));
         r.isp = {IspMode::kFrame, int(view), 0, 0};
+        r.loss.lambda_dssim = 0.3f;
         r.rates.isp = 1e-3;
         for (double& rate : r.rates.groups) rate = 1e-3;
         r.rates.shared = 1e-3;

@@ -78,7 +78,7 @@ Results results(const RankViews& views, int size, Way way, bool in_a_row) {
         backend.render_all(requests, found.images);
         found.scores = backend.scores(requests);
         found.residuals = backend.residual_scores(kViews, [&](std::size_t view) { return views.step(view); });
-        found.error = backend.squared_error(views.step(2));
+        found.error = backend.half_squared_error(views.step(2));
     });
     return found;
 }

@@ -3,6 +3,7 @@
 // any registry.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numeric>
 
 #include "appearance/model_info.h"
@@ -102,6 +103,39 @@ const ModelInfo& some_model() {
     throw std::logic_error("no model with a residual");
 }
 
+TEST(RankMessages, BringAllOfAStepThatIsNotInTheMemoryOfRank0) {
+    StepRequest sent;
+    sent.camera.width = 7, sent.background = {0.1f, 0.2f, 0.3f};
+    sent.target.width = 8, sent.target.height = 9, sent.target.channels = 4, sent.target.id = {3, 2};
+    sent.isp = {IspMode::kController, 5, 1, 0.5f}, sent.iteration = 11, sent.seed = 12;
+    sent.loss = {0.4f, 0.5f, 0.6f};
+    sent.rates.residuals = {1, 2}, sent.rates.shared = 3, sent.rates.isp = 4, sent.rates.noise = 5;
+    for (int g = 0; g < kNumGroups; ++g) sent.rates.groups[g] = 6 + g;
+    sent.rates.center = {13, 14, 15}, sent.rates.extent = 16, sent.rates.far = 17;
+    sent.gather_gradient_stats = sent.only_visible = true;
+    MessageWriter writer;
+    put(writer, std::vector{sent});
+    const auto bytes = writer.bytes();
+    MessageReader reader(std::vector<std::byte>(bytes.begin(), bytes.end()));
+    std::vector<StepRequest> received;
+    get(reader, received);
+    ASSERT_EQ(received.size(), 1u);
+    const StepRequest& r = received[0];
+    EXPECT_EQ(r.camera.width, 7);
+    EXPECT_EQ(r.background.z, 0.3f);
+    EXPECT_TRUE(r.target.width == 8 && r.target.height == 9 && r.target.channels == 4);
+    EXPECT_EQ(r.target.id, sent.target.id);
+    EXPECT_TRUE(r.isp.mode == IspMode::kController && r.isp.frame == 5 && r.isp.camera == 1);
+    EXPECT_EQ(r.isp.prior_exposure, 0.5f);
+    EXPECT_TRUE(r.iteration == 11 && r.seed == 12);
+    EXPECT_TRUE(r.loss.lambda_dssim == 0.4f && r.loss.opacity_reg == 0.5f && r.loss.scale_reg == 0.6f);
+    EXPECT_EQ(r.rates.residuals, sent.rates.residuals);
+    EXPECT_TRUE(std::ranges::equal(r.rates.groups, sent.rates.groups));
+    EXPECT_TRUE(r.rates.shared == 3 && r.rates.isp == 4 && r.rates.noise == 5);
+    EXPECT_TRUE(r.rates.center.z == 15 && r.rates.extent == 16 && r.rates.far == 17);
+    EXPECT_TRUE(r.gather_gradient_stats && r.only_visible);
+}
+
 TEST(Ranks, GiveBackTheModelThatTheyWereGiven) {
     for (const std::int64_t rows : {std::int64_t(0), std::int64_t(1), std::int64_t(3), kRows}) {
         for (const std::int64_t num_residuals : {std::int64_t(0), rows / 3, rows}) {
@@ -133,7 +167,7 @@ TEST(Ranks, RenderAndScoreAsOne) {
     plain->render(requests[1], image);
     const auto scores = plain->scores(requests);
     const ResidualScores residuals = plain->residual_scores(kViews, step_on);
-    const double error = plain->squared_error(views.step(2));
+    const double error = plain->half_squared_error(views.step(2));
     for (const int ranks : {1, 2, 3}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
         with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
@@ -146,7 +180,7 @@ TEST(Ranks, RenderAndScoreAsOne) {
             const ResidualScores found = backend.residual_scores(kViews, step_on);
             expect_close(residuals.worth, found.worth, 1e-4, "worth of residuals");
             expect_close(residuals.mean_base, found.mean_base, 1e-5, "mean bases");
-            EXPECT_NEAR(backend.squared_error(views.step(2)), error, 1e-5 * error);
+            EXPECT_NEAR(backend.half_squared_error(views.step(2)), error, 1e-5 * error);
         });
     }
 }

@@ -45,8 +45,8 @@ class ForwardingEngine : public Engine {
                        DeviceArray<WireSplat>& out) override {
         inner_->order_by_rows(splats, rows, of_ranks, out);
     }
-    double squared_error(const StepRequest& request, const SplatParts& splats) override {
-        return inner_->squared_error(request, splats);
+    double half_squared_error(const StepRequest& request, const SplatParts& splats) override {
+        return inner_->half_squared_error(request, splats);
     }
     void add_scores(const RenderRequest& request, const SplatParts& splats, const SumParts<double>& scores) override {
         inner_->add_scores(request, splats, scores);

@@ -29,7 +29,7 @@ class Worthy : public test::ForwardingEngine {
         for (std::size_t v = 0; v < num_views; ++v) step_on(v);
         return ResidualScores{worth_, std::vector<float>(3 * worth_.size())};
     }
-    double squared_error(const StepRequest&, const SplatParts&) override {
+    double half_squared_error(const StepRequest&, const SplatParts&) override {
         double lost = 0;
         for (std::int64_t i = kept_; i < std::int64_t(worth_.size()); ++i)
             lost += std::isnan(worth_[i]) ? 0 : double(worth_[i]);
