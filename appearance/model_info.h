@@ -23,11 +23,10 @@ namespace gs {
 /// numbers.
 struct StabilityCase {
     std::string kind;  ///< the row of the table it belongs to
-    /// The raw parameters, as wide as the model's residual at its highest degree; where a case sets them, the shared
-    /// weights behind.
+    /// The raw residual parameters at the model's highest degree, followed by the shared weights if the case sets them.
     std::vector<double> residual;
     std::array<double, 3> view = {};  ///< mean minus camera centre, any length
-    /// The exact residual where it is known without the model's own formulas, and what it is, e.g. "N".
+    /// The exact residual if it is known without the model's own formulas, and what it is, e.g. "N".
     std::optional<std::array<double, 3>> limit;
     std::string limit_name;
 };
@@ -60,7 +59,7 @@ struct ModelInfo {
     /// them.
     bool plain_sh = false;
     std::vector<ModelOption> options = {};  ///< its own training options
-    std::string degree_option = {};         ///< key of the one that sets max_degree; empty: default_max_degree it is
+    std::string degree_option = {};         ///< key of the option that sets max_degree; empty: default_max_degree
     int default_max_degree = 0;
     int max_degree_limit = 0;
     /// The degree active at iteration 0; raised by one at 1000, 2000, ... up to max_degree.
@@ -80,12 +79,12 @@ struct ModelInfo {
     /// takes.
     double operations = 0, operations_backward = 0;
     int num_shared = 0;  ///< weights that all Gaussians share
-    /// Writes their initial values; set where there are any.
+    /// Writes their initial values; set if there are any.
     std::function<void(std::uint64_t seed, float* weights)> init_shared;
     /// Names and degenerate cases for the stability measurement, at max_degree_limit. Without it all columns are one
     /// kind.
     std::function<StabilityPlan()> stability;
-    /// The residual in double, for what the host does with a finished model: model_residual of the struct (contract.h).
+    /// Evaluates the residual in double, for host code on finished models: model_residual (contract.h) of the model.
     Vec3<double> (*residual)(const double* shared, const double* params, const Vec3<double>& direction,
                              int degree) = nullptr;
     /// How files for viewers hold the model (packing.h, which device code cannot include); null: they cannot.
@@ -101,9 +100,9 @@ std::vector<std::string> appearance_names();
 /// Throws UsageError naming the known models.
 const ModelInfo& appearance_model(const std::string& name);
 
-/// The plain spherical harmonics that other programs read (ModelInfo::plain_sh) of `degree` bands, with relu; of degree
-/// 0 it is one colour from everywhere. Of several models that reach the degree it is the one that reaches least
-/// further. Throws UsageError where none does.
+/// Returns the plain spherical harmonics that other programs read (ModelInfo::plain_sh) of `degree` bands, with relu;
+/// degree 0 does not depend on the view. Of the models that support the degree, it picks the one of the lowest limit.
+/// Throws UsageError if none does.
 AppearanceSpec plain_sh_appearance(int degree);
 
 }  // namespace gs

@@ -52,10 +52,10 @@ struct PackingDescription {
 /// The descriptions in one packing.json: an object, or a list of them. Throws DataError naming `file`.
 std::vector<PackingDescription> parse_packings(const std::string& file, const std::string& text);
 
-/// The descriptions of all folders. Throws DataError where two have one id.
+/// The descriptions of all folders. Throws DataError if two have one id.
 const std::vector<PackingDescription>& packing_descriptions();
 
-/// Returns the description with this name, or with this number in files. Throws DataError where there is none.
+/// Returns the description with this name, or with this number in files. Throws DataError if there is none.
 const PackingDescription& packing_description(const std::string& name);
 const PackingDescription& packing_description(std::uint32_t id);
 
@@ -151,14 +151,14 @@ PackedLayout packed_layout(const PackedHeader& header);
 /// Returns zeroed weights, and textures of that header for the Gaussians of `gaussians` with a residual.
 PackedAppearance make_packed(const PackedHeader& header, const Gaussians& gaussians);
 
-/// Returns the residual of any Gaussian, which is 0 where it has none.
+/// Returns the residual of any Gaussian, which is 0 if it has none.
 Vec3<double> packed_residual(const Packing& packing, const PackedAppearance& packed, std::int64_t row,
                              const Vec3<double>& direction);
 
-/// Returns alpha of a stored residual.
+/// Applies the activation of a residual to stored values.
 Vec3<double> packed_activation(PackedResidualActivation kind, const Vec3<double>& x);
 
-/// The packing of the models with this number in files. Throws DataError where no model has it.
+/// The packing of the models with this number in files. Throws DataError if no model has it.
 const Packing& packing_of(std::uint32_t model);
 
 }  // namespace gs

@@ -38,7 +38,7 @@ struct TargetImage {
     int channels = 3;                    ///< 3 (rgb) or 4 (rgb + straight alpha, composited on the background)
     const std::uint8_t* u8 = nullptr;    ///< (H,W,channels), value/255; exactly one of u8 and f32 is set
     const float* f32 = nullptr;          ///< (H,W,channels), alpha in [0,1]
-    const std::uint8_t* mask = nullptr;  ///< (H,W) loss weight/255, or null for weight 1
+    const std::uint8_t* mask = nullptr;  ///< (H,W), value/255 is the weight of the loss; null: 1
     ImageId id;                          ///< equal known ids mean equal pixels: a device may keep its copy
 };
 
@@ -81,7 +81,7 @@ struct RenderedImage {
 /// The learning rates of a step.
 struct StepRates {
     double groups[kNumGroups] = {};
-    std::vector<double> residuals;  ///< per residual column, where the model has several; else empty
+    std::vector<double> residuals;  ///< per residual column, if the model has several; else empty
     double shared = 0;              ///< of the shared weights
     /// Of PPISP's parameters in `step`, of the controller's weights in `distill`. 0 leaves them unchanged.
     double isp = 0;
@@ -113,7 +113,7 @@ struct StepRequest {
     StepRates rates;
     /// Whether to add up the norm of the 2-D mean gradient for ADC, for Gaussians that touch a tile.
     bool gather_gradient_stats = false;
-    bool only_visible = false;  ///< whether Gaussians that touch no tile wait (GaussianState::last_step)
+    bool only_visible = false;  ///< whether to defer updates of Gaussians that touch no tile (GaussianState::last_step)
 };
 
 /// Returns the step on training view `view`. What it points to stays valid until the next call.
@@ -238,7 +238,7 @@ struct StageCost {
     std::string item;       ///< name of an item, e.g. "pixel x Gaussian"
     double bytes = 0;       ///< least memory traffic of all items
     double operations = 0;  ///< least arithmetic of all items, in single-precision instructions (an FMA is one)
-    std::string note;       ///< reason why the stage takes longer than these bounds, where it is known; may be empty
+    std::string note;       ///< reason why the stage takes longer than these bounds, if it is known; may be empty
     bool evaluates_appearance = false;  ///< whether part of the work is the appearance model's
 };
 

@@ -45,7 +45,7 @@ double visible_error(const float* coefficients, int band, double scale, double o
 }
 
 /// The coefficient that the largest code of a band stands for: the largest of the scene, or what leaves some outside
-/// where that shows less error.
+/// if that shows less error.
 float find_band_scale(const Gaussians& g, int band) {
     const auto& residual = g[Group::kResidual];
     const auto coefficients = [&](std::int64_t row) {

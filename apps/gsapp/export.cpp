@@ -23,7 +23,7 @@ struct ExportArguments {
     std::string output, up, format = "web", title, start_view, url;
     std::shared_ptr<SceneArguments> scene;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
-    int photographs = 0;          ///< most of them
+    int photographs = 0;          ///< their maximum number
     bool has_format = false, sh_projection = false, overwrite = false, compatible = false, levels = false, json = false;
 };
 

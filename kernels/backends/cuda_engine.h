@@ -137,7 +137,7 @@ class CudaEngine final : public Engine {
     /// Puts a step in flight, where it stays if it could be enqueued.
     void launch(Step step, const TargetImage& target);
     /// Enqueues the forward pass of `n` splats, which fill() writes with all that binning reads, once their buffers are
-    /// laid out. It stops where there are more than `most` instances.
+    /// laid out. It stops if there are more than `most` instances.
     CudaBins enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
                             bool for_backward, const std::function<void()>& fill,
                             std::int64_t most = std::numeric_limits<std::int64_t>::max());

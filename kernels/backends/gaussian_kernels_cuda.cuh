@@ -63,7 +63,7 @@ template <class Model> struct RowMemory {
     }
 };
 
-/// Begins to load the residuals of the warp's Gaussians that may be `visible`, but none where the mode or the degree
+/// Begins to load the residuals of the warp's Gaussians that may be `visible`, but none if the mode or the degree
 /// leaves them out. Returns whether there are any. All lanes must call it.
 template <class Model>
 __device__ bool begin_residual(const PreprocessArgs& a, std::int64_t i, bool visible, RowMemory<Model>& memory) {
@@ -73,7 +73,7 @@ __device__ bool begin_residual(const PreprocessArgs& a, std::int64_t i, bool vis
     return mask;
 }
 
-/// Returns the residual of this lane's Gaussian, or 0 where none has begun to load. All lanes must call it.
+/// Returns the residual of this lane's Gaussian, or 0 if none has begun to load. All lanes must call it.
 template <class Model>
 __device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bool visible, bool begun,
                                      RowMemory<Model>& memory, typename WarpAppearance<Model>::Memory& scratch) {

@@ -43,7 +43,7 @@ class CudaImages {
     /// of `slot` must be done. The result stays valid until `slot` is used again.
     DeviceTarget get(const TargetImage& target, int slot, cudaStream_t stream);
 
-    /// A part of the kept images' memory, about `bytes` where they take that much, which is free while the object
+    /// A part of the kept images' memory, about `bytes` if they take that much, which is free while the object
     /// lives. No step may be in flight.
     class BorrowedMemory {
       public:

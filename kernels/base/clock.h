@@ -12,7 +12,7 @@ inline double seconds_now() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-/// Returns the bytes of memory that this process occupies now, or 0 where the system does not say.
+/// Returns the bytes of memory that this process occupies now, or 0 if the system does not say.
 std::int64_t resident_bytes();
 
 /// Returns the seconds that the threads of this process have computed, since its beginning. Waiting does not count.

@@ -59,7 +59,7 @@ template <class T> class DeviceArray {
     static_assert(std::is_trivially_copyable_v<T>);
 
   public:
-    /// Makes an empty array in the memory of `device`, which must outlive it, or in the host's where that is null.
+    /// Makes an empty array in the memory of `device`, which must outlive it, or in the host's if that is null.
     explicit DeviceArray(DeviceStream* device = nullptr)
         : device_(device), block_(device ? std::make_shared<PlacedBlock>(device->make_block()) : nullptr) {}
 
@@ -131,7 +131,7 @@ template <class T> class DeviceArray {
     template <class U> friend class DeviceArray;
 
     DeviceStream* device_;
-    std::shared_ptr<PlacedBlock> block_;  ///< of the device, where there is one
+    std::shared_ptr<PlacedBlock> block_;  ///< of the device, if there is one
     std::vector<T> values_;               ///< in the host's memory otherwise
     T* data_ = nullptr;
     std::size_t size_ = 0;

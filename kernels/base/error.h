@@ -17,8 +17,8 @@ enum class ExitCode : int {
     kInterrupted = 130  ///< stopped by the user after writing a checkpoint
 };
 
-/// The base of all gsapp errors. The message names file, field and value, and the likely cause where one is known. It
-/// is empty where another process says it.
+/// The base of all gsapp errors. The message names file, field and value, and the likely cause if one is known. It
+/// is empty if another process says it.
 class Error : public std::runtime_error {
   public:
     Error(ExitCode code, const std::string& message) : std::runtime_error(message), code_(code) {}

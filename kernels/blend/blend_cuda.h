@@ -98,7 +98,7 @@ class CudaBlend {
 
 // The medians of a view's pixels on the device (docs/math/rasterizer.md#median).
 
-/// Replaces the colours of a view that was blended into `image` by those of the pixels' medians; 0 where transmittance
+/// Replaces the colours of a view that was blended into `image` by those of the pixels' medians; 0 if transmittance
 /// stays above 1/2.
 void write_medians(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, cudaStream_t stream);
 

@@ -81,7 +81,7 @@ template <class P> struct PixelBackward {
 /// The factors of one fragment's gradients: w = T alpha for the colour, h = -alpha dL/dalpha for the shape.
 template <class P> struct FragmentGradient { P w, h; };
 
-/// A fragment as it was blended. All but `inverse` are 0 where it was not.
+/// A fragment as it was blended. All but `inverse` are 0 if it was not.
 template <class P> struct PassedFragment {
     P alpha;
     P w;        ///< T alpha

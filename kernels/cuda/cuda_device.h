@@ -21,7 +21,7 @@ std::string try_cuda_device();
 /// Makes device `index` that of this thread, for all that it does from now on. Throws DeviceError.
 void use_cuda_device(int index);
 
-/// Returns a text that tells this thread's device from all others, on any machine; empty where cuda_available() is
+/// Returns a text that tells this thread's device from all others, on any machine; empty if cuda_available() is
 /// false.
 std::string cuda_device_id();
 

@@ -29,8 +29,8 @@ struct LivingWeight {
 
 /// The sampling weight of a row where the model grows.
 struct GrowthWeight {
-    const float *raw_opacities, *base_second_moments;  ///< the latter is null where only opacity counts
-    const float* last_step;                            ///< or null where all take each step
+    const float *raw_opacities, *base_second_moments;  ///< the latter is null if only opacity counts
+    const float* last_step;                            ///< or null if all take each step
     double step;
     __host__ __device__ std::uint64_t operator()(std::uint32_t i) const {
         if (!base_second_moments) return sampling_weight(raw_opacities[i]);

@@ -30,7 +30,7 @@ class CudaLazyResiduals {
     /// Returns whether catch_up() must come before this step.
     bool due(std::int64_t step) const { return step - caught_up_ > kMaxLag; }
     /// Returns the arguments of the next step. Without `lazy` no row falls behind: columns with rates of their own
-    /// forbid it, and where only visible Gaussians take steps GaussianState::last_step says what they missed. The array
+    /// forbid it, and if only visible Gaussians take steps GaussianState::last_step says what they missed. The array
     /// is made for the first lazy step.
     LazyArgs begin_step(std::int64_t step, bool lazy, double rate);
     /// Takes back the steps after `step`, which were begun but never took place.

@@ -15,7 +15,7 @@ namespace gs {
 // The SGLD noise that explores positions (docs/math/densification.md#noise).
 
 /// Returns the displacement of a mean: factor * sigmoid(0.5 - 100 o) * Sigma * xi. xi is standard normal and keyed on
-/// (seed, iteration, index). The displacement is zero where it could not change the mean in float, and for degenerate
+/// (seed, iteration, index). The displacement is zero if it could not change the mean in float, and for degenerate
 /// rotations.
 GS_HD Vec3<float> sgld_noise(const GaussianGeometry<float>& g, float factor, std::uint64_t seed,
                              std::uint64_t iteration, std::uint32_t index) {
@@ -54,7 +54,7 @@ struct UpdateArgs {
     float step, views;  ///< Adam's step, of which `views` are taken at once
 
     /// Returns the number of steps, maybe a fraction, that Gaussian i takes now; 0 if it waits. Beside this one these
-    /// are, where only visible ones take steps, those that it missed.
+    /// are, if only visible ones take steps, those that it missed.
     GS_HD float turns(const ModelArrays& a, std::int64_t i, bool visible) const {
         if (!a.last_step) return 1;
         return visible ? 1 + gs_min(step - views - a.last_step[i], kMostMissed) / views : 0.0f;

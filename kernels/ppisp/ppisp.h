@@ -41,11 +41,11 @@ inline bool is_corrected(const PpispState& state, const IspView& view) {
 
 /// Throws UsageError if the model lacks the view's frame or camera; the message names it.
 void check_isp_view(const PpispState& state, const IspView& view);
-/// Throws UsageError where `Backend::distill` has nothing to train: the model has no controllers, or the view does not
+/// Throws UsageError if `Backend::distill` has nothing to train: the model has no controllers, or the view does not
 /// use one.
 void check_distillation(const PpispState& state, const IspView& view);
 
-/// Adds moments of 0 where there are none.
+/// Adds moments of 0 if there are none.
 void allocate_moments(PpispState& state);
 void drop_moments(PpispState& state);
 

@@ -346,7 +346,7 @@ template <class Real>
 GS_HD void isp_finish(const Real* raw_frame, const Real* raw_camera, const IspSums<Real>& sums, Real* dL_dframe,
                       Real* dL_dcamera) {
     dL_dframe[0] = gs_abs(raw_frame[0]) <= Real(kLargestExposure) ? sums.v[kIspSumExposure] : Real(0);
-    // Mix is S H S^-1, where S maps (red, green, intensity) to (red, green, blue). The gradient of H is S^T dL/dmix
+    // Mix is S H S^-1 if S maps (red, green, intensity) to (red, green, blue). The gradient of H is S^T dL/dmix
     // S^-T.
     const Real* g = sums.v + kIspSumMix;
     Real dL_dhomography[9];

@@ -89,7 +89,7 @@ class Backend {
     void morton_sort();
 
     MemoryUse memory() { return engine_->memory(); }
-    // Measurements that training does not need, of rank 0 where none is named.
+    // Measurements that training does not need, of rank 0 if none is named.
     /// Returns the mean seconds of a frame over `repeats` rounds through all views, after one round to warm up. The
     /// images stay on the device of a rank alone.
     double time_frames(const std::vector<RenderRequest>& views, int repeats);

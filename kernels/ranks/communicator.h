@@ -68,10 +68,10 @@ class Communicator {
     int rank() const { return rank_; }
     int size() const { return size_; }
 
-    /// Sends out[r] to rank r and receives in[r] from it, for all r at once, its own included, and where there are more
+    /// Sends out[r] to rank r and receives in[r] from it, for all r at once, its own included, and if there are more
     /// arrays out[size() + r] and in[size() + r] after these, and so on. What one rank sends and what the other expects
-    /// must have the same size; nothing is sent where that is 0. The arrays lie in the memory of `device`, or in the
-    /// host's where that is null; they may lie elsewhere on another rank, unless there is a link.
+    /// must have the same size; nothing is sent if that is 0. The arrays lie in the memory of `device`, or in the
+    /// host's if that is null; they may lie elsewhere on another rank, unless there is a link.
     void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, DeviceStream* device = nullptr);
     /// Begins what exchange() does. By a link the arrays are sent when the device has done what it marked last, and
     /// received while it goes on; without one all is done when the function returns.
@@ -176,7 +176,7 @@ struct LinkSpeed {
     double device_latency_seconds = 0;  ///< of one of 16 bytes from device to device, until it is there; 0 without any
 };
 
-/// Measures the connection, from the memory of `device` to that of the other ranks', or between hosts where it is null.
+/// Measures the connection, from the memory of `device` to that of the other ranks', or between hosts if it is null.
 /// All ranks must call it.
 LinkSpeed measure_link(Communicator& ranks, DeviceStream* device);
 

@@ -13,9 +13,9 @@ namespace gs {
 
 /// What came of looking for NCCL.
 struct NcclFinding {
-    std::string version;  ///< "2.28.3"; empty where it cannot be used
+    std::string version;  ///< "2.28.3"; empty if it cannot be used
     std::string path;     ///< of the library
-    std::string why_not;  ///< empty where it can be used
+    std::string why_not;  ///< empty if it can be used
 };
 
 /// Loads NCCL and asks for its version: from the file that the environment variable GSAPP_NCCL names (`off`: from
@@ -27,7 +27,7 @@ inline constexpr const char* kGetNccl =
     "apt-get install libnccl2, from NVIDIA's packages for CUDA, or GSAPP_NCCL=path of libnccl.so.2";
 
 /// Lets arrays go from device to device by NCCL from now on, if all ranks can. All must call it, each on its own
-/// device, which `device` tells from all others (cuda_device_id()); it is empty where a rank has none. Returns why they
+/// device, which `device` tells from all others (cuda_device_id()); it is empty if a rank has none. Returns why they
 /// cannot, and how that is changed; an empty text if they can, or if no rank has a device. Throws DeviceError when NCCL
 /// fails or a rank is lost.
 std::string connect_devices(Communicator& ranks, const std::string& device);

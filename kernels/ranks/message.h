@@ -37,7 +37,7 @@ class MessageWriter {
     std::vector<std::byte> bytes_;
 };
 
-/// Reads what a MessageWriter wrote, in the same order. Throws DataError where a message is too short.
+/// Reads what a MessageWriter wrote, in the same order. Throws DataError if a message is too short.
 class MessageReader {
   public:
     explicit MessageReader(std::vector<std::byte> bytes) : bytes_(std::move(bytes)) {}

@@ -49,7 +49,7 @@ void nccl_check(const NcclLibrary& nccl, ncclResult_t result, const char* what) 
                       (details && *details ? " (" + std::string(details) + ")" : ""));
 }
 
-/// Returns the value of an environment variable, empty where it is not set.
+/// Returns the value of an environment variable, empty if it is not set.
 std::string variable(const char* name) {
     const char* value = std::getenv(name);
     return value ? value : "";
@@ -209,7 +209,7 @@ class NcclLink final : public DeviceLink {
   private:
     static constexpr const char* kEnded = "the connection to the other GPUs was ended";
 
-    /// Returns whether NCCL has done what the last call asked for. Throws DeviceError where it failed, or where the
+    /// Returns whether NCCL has done what the last call asked for. Throws DeviceError if it failed, or where the
     /// connection has.
     bool is_ready(const char* what) {
         const std::lock_guard lock(mutex_);

@@ -68,7 +68,7 @@ std::size_t with_alignment(std::size_t num) {
     return (num + 3) / 4 * 4;
 }
 
-/// Lets arrays of values lie one after another from `at` on, at multiples of 16 bytes, where there is such a place.
+/// Lets arrays of values lie one after another from `at` on, at multiples of 16 bytes, if there is such a place.
 template <class T> auto one_after_another(std::byte* at) {
     return [at](DeviceArray<WireSplat>& array, std::size_t room) mutable {
         array.lie_at(at && room > 0 ? at : nullptr);

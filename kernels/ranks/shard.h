@@ -161,7 +161,7 @@ class Shard {
     std::vector<std::uint8_t> scatter_rows(const std::vector<std::uint8_t>* values);
     /// Returns the next steps of residual_scores(), at most one for each rank, with pixels on rank 0 alone.
     std::vector<StepRequest> next_steps(std::size_t first, std::size_t num_views, const StepSource* step_on);
-    /// Takes the step of PPISP on the gradient of all ranks, or only counts it where the step was skipped.
+    /// Takes the step of PPISP on the gradient of all ranks, or only counts it if the step was skipped.
     void update_ppisp(const std::vector<StepRequest>& views, bool taken);
     /// Projects `views` and calls view(k) on the rank that renders view k, when its splats are in splats_. With `sums`,
     /// view(k) fills sums.parts for splats_, and after Communicator::finish() sums.of_view[k] has those of the splats
@@ -212,7 +212,7 @@ class Shard {
 
     Communicator& ranks_;
     Engine& engine_;
-    DeviceStream* const device_;  ///< of the engine, null where it computes on the host
+    DeviceStream* const device_;  ///< of the engine, null if it computes on the host
     const TargetSource targets_;
     std::vector<RowCounts> rows_;
     std::int64_t num_gaussians_ = 0;

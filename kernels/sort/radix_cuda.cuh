@@ -137,7 +137,7 @@ struct NumPairs {
 
 /// Where the pairs of each key begin in the sorted list, which the last pass notes while it writes.
 struct KeyBegins {
-    std::uint32_t* words = nullptr;  ///< (most + 1), 0 before: ~ of the place of the first pair, 0 where there is none
+    std::uint32_t* words = nullptr;  ///< (most + 1), 0 before: ~ of the place of the first pair, 0 if there is none
     std::uint32_t most = 0;          ///< larger keys count as this one
 };
 

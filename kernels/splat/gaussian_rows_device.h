@@ -45,7 +45,7 @@ template <class Real> struct ParameterView {
         return {base_colors[3 * i], base_colors[3 * i + 1], base_colors[3 * i + 2]};
     }
     GS_HD const Real* residual(std::int64_t i) const { return residuals + i * residual_width; }
-    /// Returns the degree of Gaussian i in a view of degree `active`: 0 where it has no residual.
+    /// Returns the degree of Gaussian i in a view of degree `active`: 0 if it has no residual.
     GS_HD int degree(std::int64_t i, int active) const { return i < num_residuals ? active : 0; }
 };
 

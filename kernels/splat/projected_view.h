@@ -13,7 +13,7 @@ namespace gs {
 
 /// The splats of some Gaussians in one view, in the order of their rows.
 struct ProjectedView {
-    /// Makes an empty one in the memory of `device`, or of the host where that is null.
+    /// Makes an empty one in the memory of `device`, or of the host if that is null.
     explicit ProjectedView(DeviceStream* device = nullptr) : splats(device), rows(device), places(device) {}
 
     DeviceArray<WireSplat> splats;
@@ -43,7 +43,7 @@ template <class Sum, class Write> void write_sums(const SplatParts& splats, cons
     }
 }
 
-/// Places in memory that the device uses for other things at other times; null where there are none.
+/// Places in memory that the device uses for other things at other times; null if there are none.
 struct ScratchPlaces {
     std::byte* splats = nullptr;  ///< what lies here is lost when loss_of_splats() has read its splats
     std::byte* sums = nullptr;    ///< this is free when loss_of_splats() writes sums, and then until the next view

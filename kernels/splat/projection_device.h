@@ -12,7 +12,7 @@ namespace gs {
 
 /// The geometry of one Gaussian as stored (raw).
 template <class T> struct GaussianGeometry {
-    Vec3<T> mean;  ///< world units
+    Vec3<T> mean;  ///< frame units
     Vec3<T> log_scale;
     Vec4<T> rotation;  ///< (w,x,y,z) in the fields (x,y,z,w), so that x holds w; unnormalised
     T raw_opacity;     ///< logit

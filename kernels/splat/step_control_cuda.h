@@ -14,7 +14,7 @@ struct StepControl {
     unsigned num_large, num_huge;  ///< Gaussians with more than 32 candidate tiles, by their instances
     unsigned num_chunks;           ///< chunks of the blend
     unsigned num_nonfinite;        ///< Gaussians whose gradient was left out
-    unsigned loss_not_finite;      ///< nonzero if a sum of the loss over a block is not; then the step changes nothing
+    unsigned loss_not_finite;      ///< nonzero if a block's loss sum is not finite; the step then changes nothing
     unsigned stopped;              ///< set when instances did not fit; no step updates until the host has made room
 
     __device__ bool takes_no_step() const { return stopped || loss_not_finite; }

@@ -37,7 +37,7 @@ GS_HD ViewLoss loss_of_sums(double l1_sum, double ssim_sum, const LossWeights& w
 /// splats it has there.
 struct ViewReport {
     ViewLoss loss;
-    std::int64_t num_splats = 0;  ///< of the rank's own Gaussians, also where there was less room
+    std::int64_t num_splats = 0;  ///< of the rank's own Gaussians, also if there was less room
     // Whether there was too little room for these splats, and for instances. The loss means nothing in the latter case.
     std::uint32_t lacks_splats = 0, lacks_instances = 0;
 };

@@ -26,7 +26,7 @@ template <class Real> struct GroupArrays {
     std::vector<Real> m, v;   ///< Adam moments; empty when the optimizer state was dropped
 };
 
-/// All Gaussians of a model. The groups are means (N,3) in world units; raw_scales (N,3), log; rotations (N,4), w,x,y,z
+/// All Gaussians of a model. The groups are means (N,3) in frame units; raw_scales (N,3), log; rotations (N,4), w,x,y,z
 /// unnormalised; raw_opacities (N,1), logit; base_colors (N,3), pre-activation with Y0 folded in; residuals (N,R) in
 /// the model's own layout.
 template <class Real> struct GaussianState {
@@ -38,12 +38,12 @@ template <class Real> struct GaussianState {
     /// The weights that all Gaussians share, one row in the model's own layout; width 0 for a model without any.
     GroupArrays<Real> shared;
     /// The ADC statistic since the last densification, one value per Gaussian: the summed norm of the screen-space mean
-    /// gradient, and the number of views in which it was seen. Both are empty where nothing gathers them.
+    /// gradient, and the number of views in which it was seen. Both are empty if nothing gathers them.
     std::vector<Real> gradient_sum, gradient_count;
-    /// The step that each Gaussian took last, where only visible ones take steps; else empty. Whole numbers, which are
+    /// The step that each Gaussian took last, if only visible ones take steps; else empty. Whole numbers, which are
     /// exact up to 2^24.
     std::vector<Real> last_step;
-    PpispState ppisp;  ///< photometric differences between the training images; inactive where a scene needs none
+    PpispState ppisp;  ///< photometric differences between the training images; inactive if a scene needs none
 
     /// Returns K, the number of Gaussians with a residual: the first ones. The arrays of that group have only their
     /// rows. 0 for a model without residuals.
@@ -72,7 +72,7 @@ struct ModelArrays {
     float *param[kNumGroups], *m[kNumGroups], *v[kNumGroups];
     int width[kNumGroups];
     float *gradient_sum, *gradient_count;       ///< ADC statistic, or null
-    float* last_step;                           ///< as in GaussianState, or null where all take each step
+    float* last_step;                           ///< as in GaussianState, or null if all take each step
     float *shared_param, *shared_m, *shared_v;  ///< weights that all Gaussians share, or null
 };
 

@@ -22,13 +22,13 @@ enum class GrowthBy { kOpacity, kGradient };
 /// What the schedules of a run follow; kProgress: its length, kFixed: the iterations of a run of 30,000.
 enum class ScheduleKind { kProgress, kFixed };
 /// How a scene is trained; kPaper: by the paper's protocol, kFrontier: for the most quality in little time, kAuto: the
-/// latter where a constraint or a preset asks for it.
+/// latter if a constraint or a preset asks for it.
 enum class Recipe { kAuto, kPaper, kFrontier };
 /// Documented points between speed and quality.
 enum class Preset { kNone, kFast, kBalanced, kBest };
 /// The file that a size limit is for: the scene of a web export, the PLY, the .splat file.
 enum class SizeOf { kWeb, kPly, kSplat };
-/// Where the model is trained; kAuto: on the GPU where there is one.
+/// Where the model is trained; kAuto: on the GPU if there is one.
 enum class Device { kAuto, kCpu, kCuda };
 /// Whether the photometric correction is learned; kAuto: where images turn out to differ.
 enum class PpispMode { kOff, kOn, kAuto };
@@ -77,7 +77,7 @@ template <Choice T> constexpr std::string word(T value) { return std::string(kWo
 /// All words, in the order of the values.
 template <Choice T> std::vector<std::string> words() { return {kWordsOf<T>.begin(), kWordsOf<T>.end()}; }
 
-/// The value of a word; empty where there is no such word.
+/// The value of a word; empty if there is no such word.
 template <Choice T> constexpr std::optional<T> choice_of(std::string_view text) {
     for (std::size_t i = 0; i < kWordsOf<T>.size(); ++i)
         if (kWordsOf<T>[i] == text) return T(int(i));

@@ -12,7 +12,7 @@
 namespace gs {
 
 /// Returns why `path` cannot be read as an input file ("No such file or directory", "it is a named pipe (FIFO), not a
-/// regular file", ...), and an empty string where it can. Never waits for a pipe or a device.
+/// regular file", ...), and an empty string if it can. Never waits for a pipe or a device.
 std::string input_fault(const std::filesystem::path& path);
 
 /// Opens a regular file for reading, in binary mode, and says so in a message if `is_noted`. Throws DataError
@@ -27,7 +27,7 @@ std::string read_input(const std::filesystem::path& path);
 /// `read_input` does, and for UTF-16, which such editors call Unicode.
 std::string read_input_text(const std::filesystem::path& path);
 
-/// Returns whether there is anything under this name. Throws DataError "PATH: REASON" where the system cannot tell: a
+/// Returns whether there is anything under this name. Throws DataError "PATH: REASON" if the system cannot tell: a
 /// folder on the way may not be searched, links form a loop, the name is too long.
 bool path_exists(const std::filesystem::path& path);
 

@@ -16,7 +16,7 @@ std::string json_text(const nlohmann::ordered_json& json, int indent = -1);
 /// is not JSON, is nested too deep, or names a key twice in one object.
 nlohmann::json parse_json(const std::string& text, bool comments = false);
 
-/// Parses one JSON value without comments; the result is_discarded() where the text is none, or
+/// Parses one JSON value without comments; the result is_discarded() if the text is none, or
 /// such a one as `parse_json` does not take.
 nlohmann::json try_parse_json(const std::string& text);
 /// The same, and the keys keep their order.

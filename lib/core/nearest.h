@@ -8,7 +8,7 @@
 namespace gs {
 
 /// Returns the candidate with the smallest edit distance, the first of several; an empty string where even that is more
-/// than a third of the letters of `key` (and more than 1), or where there are no candidates.
+/// than a third of the letters of `key` (and more than 1), or if there are no candidates.
 /// Insertions, deletions, replacements and swaps of neighbours each cost 1; case, '-' and '_' do not count.
 std::string nearest_key(const std::string& key, const std::vector<std::string>& candidates);
 

@@ -104,7 +104,7 @@ void apply_preset(TrainOptions& options);
 /// pixels together.
 inline constexpr std::int64_t kBuiltinCap = 100000;
 
-/// Puts kBuiltinCap in place of a cap-max that was not named, where the scene is a built-in one.
+/// Puts kBuiltinCap in place of a cap-max that was not named, if the scene is a built-in one.
 void apply_builtin_cap(TrainOptions& options);
 
 /// Returns whether the scene is a built-in one and cap-max was not named.

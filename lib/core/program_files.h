@@ -8,11 +8,11 @@
 namespace gs {
 
 /// Returns the path of `name` ("viewer") in the folder ../share/gsapp beside the folder of the running program, without
-/// symbolic links; an empty path where there is none. The build tree has the same layout, with links to the sources.
+/// symbolic links; an empty path if there is none. The build tree has the same layout, with links to the sources.
 std::filesystem::path shared_file(const std::string& name);
 
 /// Returns where the library `name` of the program lies: in ../lib/gsapp beside the folder of the running program or,
-/// if it is not there, in that folder; whether it is there is not said. Throws DeviceError where the system does not
+/// if it is not there, in that folder; whether it is there is not said. Throws DeviceError if the system does not
 /// tell which program is running.
 std::filesystem::path program_library(const std::string& name);
 

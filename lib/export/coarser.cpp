@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Merges Gaussians into the neighbours that stay, and halves a model again and again.
+// Merges Gaussians into the neighbours that stay: a model of fewer Gaussians, each level from the whole model.
 #include "lib/export/coarser.h"
 
 #include <Eigen/Dense>
@@ -20,14 +20,15 @@ namespace {
 
 /// The neighbours that a Gaussian may be merged into.
 constexpr std::size_t kNeighbours = 8;
-/// What a difference of 1 between base colours counts, where one of a standard deviation between means counts 1.
+/// Weight of a squared colour difference, against a squared distance in standard deviations.
 constexpr double kColourWeight = 100;
-/// The share of all scores that may be left out. Merged, what hardly shows adds opacity where there was none.
+/// The share of all scores that may be left out. Merging nearly invisible Gaussians would add
+/// opacity in empty space.
 constexpr double kLeftOut = 1e-4;
 /// A weight above 0 for Gaussians without a score, which one without a neighbour may be.
 constexpr double kLeastScore = 1e-30;
 constexpr double kMostOpacity = 0.9999;
-/// What rounding needs to solve with the covariance of discs.
+/// Added to variances so that covariances of discs stay invertible.
 constexpr double kLeastVariance = 1e-12;
 
 /// One Gaussian as it is merged.

@@ -21,15 +21,15 @@ using GeometryWords = std::array<std::uint32_t, 4>;
 struct PackedGeometry {
     std::array<double, 3> base;      ///< base colour, with the shift of the colour activation if it has one
     double opacity;                  ///< 0..1
-    std::array<double, 3> mean;      ///< world units; within +-65504
-    std::array<double, 3> scale;     ///< standard deviations, world units
+    std::array<double, 3> mean;      ///< frame units; within +-65504
+    std::array<double, 3> scale;     ///< standard deviations, frame units
     std::array<double, 4> rotation;  ///< x, y, z, w; any length but 0
 };
 
 /// Returns the code of a standard deviation. 0 is 0; the others are e^-12 to e^9 in steps of 8.6 %, with values outside
 /// clamped.
 int scale_code(double scale);
-/// Returns the standard deviation of a code, world units.
+/// Returns the standard deviation of a code, frame units.
 double decode_scale(int code);
 
 /// Returns the codes of the octahedral axis (u, v) and the angle.

@@ -30,7 +30,7 @@ using PackedFrame = std::array<float, 9>;
 struct PackedPpisp {
     std::array<float, 18> response{};  ///< per channel toe, shoulder, gamma, centre, a, b, activated
     PackedFrame standard{};            ///< correction of free views
-    std::vector<PackedFrame> views;    ///< correction of each test camera
+    std::vector<PackedFrame> views;    ///< correction of each camera
 };
 
 struct PackedScene {
@@ -40,7 +40,7 @@ struct PackedScene {
     BaseRange base_range;
     std::array<float, 3> center{}, up{0, -1, 0};  ///< the point that the first view orbits, and its up vector
     float distance = 1;
-    std::vector<PackedCamera> cameras;  ///< test cameras
+    std::vector<PackedCamera> cameras;  ///< of the views that a page offers
     std::optional<PackedPpisp> ppisp;
     PackedAppearance appearance;
     std::vector<GeometryWords> geometry;  ///< one per Gaussian
@@ -55,7 +55,7 @@ struct PackedScene {
     int bytes_per_gaussian(bool with_residual = true) const;
 };
 
-/// Returns the number of which the file's textures have room for a multiple.
+/// Returns the width of the file's textures. Gaussians are padded to a multiple of it.
 std::int64_t ngsplat_unit();
 /// Returns the size that the file of `scene` would have with `count` Gaussians, of which as large a share as in `scene`
 /// have a residual, and a trailer of `trailer_bytes`.

@@ -42,7 +42,8 @@ PackedScene pack_gaussians(const Gaussians& gaussians);
 /// Throws as pack_gaussians.
 PackedScene packed_sample(const AppearanceSpec& appearance);
 
-/// Adds the test cameras and the first view: the median of the means, the cameras' mean up, their median distance.
-void add_cameras(PackedScene& scene, const Gaussians& gaussians, const std::vector<View>& test);
+/// Adds the cameras of `views` and the first view: the median of the means, the cameras' mean up, their median
+/// distance. `views` are the test views, or training views if there are none.
+void add_cameras(PackedScene& scene, const Gaussians& gaussians, const std::vector<View>& views);
 
 }  // namespace gs

@@ -16,7 +16,7 @@ namespace {
 /// The largest logit written: its opacity is 1 in single precision.
 constexpr double kOpaque = 17;
 
-/// Returns phi of a value that already has its shift.
+/// Applies the colour activation (docs/math/appearance.md) to a value that already has its shift.
 double show(PackedColorActivation kind, double x) {
     switch (kind) {
         case PackedColorActivation::kRelu:

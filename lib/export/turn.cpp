@@ -21,8 +21,8 @@ constexpr double kLeastSpread = 0.05;
 /// Directions that the fit of a rotation samples; the 15 coefficients need some more than 16.
 constexpr int kTurnDirections = 64;
 
-/// By so much thinner has the plane of the vertical axes to be than that of the horizontal ones for photographs to lie
-/// on their side.
+/// Photographs lie on their side if the plane of the vertical axes is thinner than that of the horizontal ones by this
+/// factor.
 constexpr double kClearly = 0.25;
 
 /// The plane in which directions lie.
@@ -60,7 +60,7 @@ std::optional<Eigen::Vector3d> find_up(const std::vector<Camera>& cameras) {
     };
     if (lying.known && (!level.known || lying.thickness < kClearly * level.thickness)) {
         const Eigen::Vector3d right = mean_row(cameras, 0);
-        // Cameras on a ring have horizontal vertical axes alone if their photographs lie.
+        // On a ring of cameras, vertical axes are horizontal only if the photographs lie on their side.
         if (std::abs(lying.normal.dot(right)) >= 0.5) return towards(lying.normal, -mean_row(cameras, 2));
     }
     const Eigen::Vector3d mean = -mean_row(cameras, 1);  // the camera's y axis points down

@@ -17,7 +17,7 @@ namespace gs {
 /// horizontal ones, and the cameras look down rather than up. Empty without cameras, and where the mean is zero.
 std::optional<Eigen::Vector3d> find_up(const std::vector<Camera>& cameras);
 
-/// Returns find_up. Throws UsageError where it is empty.
+/// Returns find_up. Throws UsageError if it is empty.
 Eigen::Vector3d up_direction(const std::vector<Camera>& cameras);
 
 /// Returns the rotation that takes `up` to the unit vector `axis` (along y or z). It turns by a multiple of 90 degrees

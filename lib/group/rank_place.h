@@ -36,7 +36,7 @@ struct Route {
 };
 
 /// Returns the way by which packets to `host` would go; nothing is sent. (A machine's own name often leads to
-/// 127.0.1.1, where no other machine finds it.) Throws DeviceError for a name that is not known, or cannot be reached.
+/// 127.0.1.1 if no other machine finds it.) Throws DeviceError for a name that is not known, or cannot be reached.
 Route route_to(const std::string& host, int port);
 
 }  // namespace gs

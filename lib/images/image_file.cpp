@@ -22,7 +22,7 @@ std::string reason_from(std::string text) {
 
 namespace {
 
-/// Returns the fewest bytes that a TIFF or EXR file of this header can have, 0 where its compression sets no bound and
+/// Returns the fewest bytes that a TIFF or EXR file of this header can have, 0 if its compression sets no bound and
 /// for the other formats.
 double least_bytes(const OIIO::ImageSpec& spec, const std::string& format) {
     if (format != "tiff" && format != "openexr") return 0;

@@ -50,7 +50,7 @@ class ImageFile {
     [[noreturn]] void fail(const std::string& reason) const;
 
   private:
-    /// Throws std::bad_alloc where the decoder got no memory, else DataError.
+    /// Throws std::bad_alloc if the decoder got no memory, else DataError.
     [[noreturn]] void fail_to_decode(const std::string& complaint) const;
 
     std::filesystem::path path_;

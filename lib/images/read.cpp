@@ -47,7 +47,7 @@ std::optional<double> positive(const OIIO::ImageSpec& spec, std::initializer_lis
     return {};
 }
 
-/// Appends decoded pixels to `out` with the planned channels, and undoes premultiplication where the file has it. `one`
+/// Appends decoded pixels to `out` with the planned channels, and undoes premultiplication if the file has it. `one`
 /// is the value of full alpha.
 template <class T>
 void append(const T* in, std::size_t count, const OIIO::ImageSpec& spec, const ChannelPlan& plan, float one,

@@ -34,7 +34,7 @@ class EventFile {
 
     const std::filesystem::path& path() const { return path_; }
 
-    // Each adds one record, and throws DataError where it cannot be written: the file then ends with the record before.
+    // Each adds one record, and throws DataError if it cannot be written: the file then ends with the record before.
     void add(std::int64_t step, const std::vector<Scalar>& scalars);
     /// `picture` has 3 channels of 8 bits.
     void add(std::int64_t step, const std::string& tag, const Image& picture);

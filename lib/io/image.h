@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images in memory and on disk, and how photographs are turned upright. All decoding and encoding goes through
 // OpenImageIO, which the first call loads (lib/io/image_module.h); every function here that reads or writes throws
-// DeviceError where that fails.
+// DeviceError if that fails.
 #pragma once
 
 #include <algorithm>
@@ -37,7 +37,7 @@ struct ExifSettings {
 struct ImageInfo {
     int width = 0, height = 0, channels = 0;
     bool float_data = false;  ///< read_image would return float
-    int orientation = 1;      ///< EXIF tag 1..8, 1 where the file has none; `width` and `height` are those stored
+    int orientation = 1;      ///< EXIF tag 1..8, 1 if the file has none; `width` and `height` are those stored
     ExifSettings exposure;
 };
 

@@ -37,7 +37,7 @@ class WorkFolder {
 };
 
 /// Returns a folder in the system's place for temporary files that belongs to this user alone; WorkFolders in it stand
-/// beside nothing that is kept. Throws DataError where the name is somebody else's.
+/// beside nothing that is kept. Throws DataError if the name is somebody else's.
 std::filesystem::path own_temporary_folder();
 
 /// Removes files and folders `.NAME.PID-N.tmp` of this user in `folder` that no living program holds. Errors are

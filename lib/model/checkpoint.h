@@ -12,7 +12,7 @@
 
 namespace gs {
 
-/// The time of a training: of all its parts, where it was resumed.
+/// The time of a training: of all its parts, if it was resumed.
 struct TrainingTime {
     double train_seconds = 0;      ///< the loop; without loading, saving and evaluation
     double data_wait_seconds = 0;  ///< part of train_seconds spent waiting for images
@@ -36,7 +36,7 @@ struct Checkpoint {
 
 /// Writes the checkpoint atomically and without a second copy of it: 12 bytes per parameter with moments, 4 without.
 /// The tensors have the group names of gaussian_state.h, "adam_m.<group>" and "adam_v.<group>"; with ADC also
-/// "gradient_sum" and "gradient_count"; where only visible Gaussians take steps also "last_step"; with PPISP also
+/// "gradient_sum" and "gradient_count"; if only visible Gaussians take steps also "last_step"; with PPISP also
 /// "ppisp" and, once there are controllers, "controller", each one row and its moments. Everything else is metadata.
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint);
 

@@ -85,7 +85,7 @@ PointCloud sample(PointCloud cloud, std::int64_t most) {
     return cloud;
 }
 
-/// Returns the unit mean of the directions from the cameras to a point; empty where they point all ways alike.
+/// Returns the unit mean of the directions from the cameras to a point; empty if they point all ways alike.
 std::optional<Vec3<double>> mean_direction(const Eigen::Vector3d& point, const std::vector<Eigen::Vector3d>& cameras) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const Eigen::Vector3d& camera : cameras) sum += (point - camera).normalized();

@@ -39,10 +39,10 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
 /// cameras where it has a direction. The means must be set.
 void initialize_residuals(const Scene& scene, Gaussians& gaussians);
 
-/// Returns the centres of the training cameras, or of an even sample where there are many.
+/// Returns the centres of the training cameras, or of an even sample if there are many.
 std::vector<Eigen::Vector3d> sampled_cameras(const Scene& scene);
 
-/// Returns the mean squared distance of each point to its 3 nearest others (fewer where there are fewer; 0 for a single
+/// Returns the mean squared distance of each point to its 3 nearest others (fewer if there are fewer; 0 for a single
 /// point). Exact; points at the same place have distance 0.
 std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vector3f>& points);
 

@@ -24,7 +24,9 @@ struct PlyOptions {
 /// scales are logarithms, opacities logits, rotations unit quaternions w,x,y,z; moments are not stored. With relu and
 /// a model of plain spherical harmonics (ModelInfo::plain_sh) this is the whole model, exactly. Otherwise columns
 /// follow after rot_3: app_base_0..2 (the base colour before an activation other than relu; f_dc then holds the visible
-/// base colour) and app_<model>_<k> (residual parameters of other models; f_rest is then absent). Positions and scales
+/// base colour) and app_<model>_<k> (residual parameters of other models; f_rest is then absent). Weights that all
+/// Gaussians share are an element of their own, and a comment says how many rows have a residual (docs/formats.md).
+/// Positions and scales
 /// are those of the scene; where floats are too coarse for its place, x y z lack the offset that a comment states
 /// (file_offset), and another comment states the frame. Errors: NumericError
 /// naming row and property for a value without meaning (whole_model.h); DataError when the write fails.

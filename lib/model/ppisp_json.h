@@ -16,7 +16,7 @@ struct PpispFile {
     struct Frame {
         std::string image;  ///< name of the training image
         int camera = 0;
-        std::optional<double> exif_exposure = {};  ///< View::exif_exposure, where it is known
+        std::optional<double> exif_exposure = {};  ///< View::exif_exposure, if it is known
     };
     std::int64_t iteration = 0;  ///< iteration of the model that the correction belongs to
     bool exif = false;           ///< true if exposures began at EXIF values and the controller got them as input
@@ -29,7 +29,7 @@ struct PpispFile {
 /// digits, so that floats are read back bit for bit. `file.frames` and `file.state` must agree in size.
 void write_ppisp_json(const std::filesystem::path& path, const PpispFile& file);
 
-/// Reads the file. Throws DataError naming the file (and entry and field where it applies) for a file that is
+/// Reads the file. Throws DataError naming the file (and entry and field if it applies) for a file that is
 /// unreadable, truncated or no JSON, another version, missing fields, lists of the wrong length, numbers that are not
 /// finite as floats, and cameras that do not exist.
 PpispFile read_ppisp_json(const std::filesystem::path& path);

@@ -36,7 +36,7 @@ constexpr const char* kLockName = ".gsapp.lock";
 
 bool same_file(const struct stat& a, const struct stat& b) { return a.st_dev == b.st_dev && a.st_ino == b.st_ino; }
 
-/// Reads who holds the lock: " (process 123)"; empty where the file does not say.
+/// Reads who holds the lock: " (process 123)"; empty if the file does not say.
 std::string holder(int fd) {
     char digits[24] = {};
     const ssize_t size = ::pread(fd, digits, sizeof digits - 1, 0);

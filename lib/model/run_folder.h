@@ -26,7 +26,7 @@ class RunLock {
     RunLock(const RunLock&) = delete;
     RunLock& operator=(const RunLock&) = delete;
 
-    /// Returns whether a run holds the lock of the folder. False where there is no such folder, or no locks.
+    /// Returns whether a run holds the lock of the folder. False if there is no such folder, or no locks.
     static bool is_held(const std::filesystem::path& folder);
 
     /// Throws DataError unless the path still leads to the folder that was locked. A run that wrote on after its folder
@@ -96,7 +96,7 @@ void remove_automatic_checkpoints(const RunFolder& folder, std::int64_t iteratio
 /// Returns the highest iteration with a point cloud in the folder. Throws DataError when there is none.
 std::int64_t latest_point_cloud(const std::filesystem::path& run_folder);
 
-/// Returns the highest iteration with a point cloud or a checkpoint in the folder; empty where nothing was saved.
+/// Returns the highest iteration with a point cloud or a checkpoint in the folder; empty if nothing was saved.
 std::optional<std::int64_t> latest_saved(const std::filesystem::path& run_folder);
 
 /// Returns the iteration with which a run of these options ended in options.model: options.iterations, or where these

@@ -72,7 +72,7 @@ bool is_pinhole(const LensCamera& lens);
 std::optional<Eigen::Vector2d> project(const LensCamera& lens, const Eigen::Vector3d& point);
 
 /// Returns the direction in camera space through a pixel: z = 1, or unit length for the equirectangular model. Returns
-/// nothing where no ray in front of the camera belongs to the pixel, or Newton's method does not converge.
+/// nothing if no ray in front of the camera belongs to the pixel, or Newton's method does not converge.
 std::optional<Eigen::Vector3d> unproject(const LensCamera& lens, const Eigen::Vector2d& pixel);
 
 }  // namespace gs

@@ -9,7 +9,7 @@
 
 namespace gs {
 
-/// Returns the kernels' parameters of a pinhole camera, in pixels and world units.
+/// Returns the kernels' parameters of a pinhole camera, in pixels and frame units.
 template <class T = float> CameraParams<T> camera_params(const Camera& c) {
     const auto row = [&](int r) { return Vec3<T>{T(c.rotation(r, 0)), T(c.rotation(r, 1)), T(c.rotation(r, 2))}; };
     const Eigen::Vector3d o = c.center();

@@ -35,7 +35,7 @@ struct ColmapModel {
 std::filesystem::path find_colmap_model(const std::filesystem::path& scene, std::vector<std::string>& notes);
 
 /// Returns whether the folder holds cameras.bin and images.bin, which are then read instead of text. Throws DataError
-/// where the system cannot tell.
+/// if the system cannot tell.
 bool is_binary_colmap_model(const std::filesystem::path& folder);
 
 /// Returns the file of COLMAP's points in a folder: points3D.bin or points3D.txt, that in the form of the folder's

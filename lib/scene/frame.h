@@ -18,7 +18,7 @@ namespace gs {
 /// towards the cameras' mean decides where all look in one direction and the axes never meet.
 Eigen::Vector3d common_target(const std::vector<View>& views);
 
-/// Returns the mean of the cameras' unit axes. Its length is 1 where all look the same way, and 0 without a view.
+/// Returns the mean of the cameras' unit axes. Its length is 1 if all look the same way, and 0 without a view.
 Eigen::Vector3d mean_axis(const std::vector<View>& views);
 
 /// Chooses the frame of a scene from its camera centres and points, both in scene units; either may be empty. The size
@@ -42,7 +42,7 @@ struct FileCoordinates {
     Frame frame;
     Eigen::Vector3d offset = Eigen::Vector3d::Zero();
 
-    // Differences, because a sum would turn -0 into 0 where nothing is to change.
+    // Differences, because a sum would turn -0 into 0 if nothing is to change.
     double to_file(double x, int axis) const { return x / frame.scale - (offset[axis] - frame.center[axis]); }
     double from_file(double x, int axis) const { return frame.scale * (x - (frame.center[axis] - offset[axis])); }
     /// These take and return logarithms of sizes.
@@ -56,7 +56,7 @@ inline constexpr const char* kOffsetComment = "gsapp offset ";
 
 /// Returns "center X Y Z scale S" with the shortest numbers that are read back exactly; files hold it.
 std::string frame_text(const Frame& frame);
-/// Returns the frame of such a text; nothing where it is another, or its numbers are no frame.
+/// Returns the frame of such a text; nothing if it is another, or its numbers are no frame.
 std::optional<Frame> parse_frame(const std::string& text);
 
 /// Returns the frame as {"center": [x, y, z], "scale": s}, as results and exports state it.

@@ -33,7 +33,7 @@ void check_options(const SceneOptions& options) {
         throw UsageError(fmt::format("test_every is {}; must be at least 0", options.test_every));
 }
 
-/// Throws DataError where a COLMAP model has one of its two necessary files: it was meant to be read.
+/// Throws DataError if a COLMAP model has one of its two necessary files: it was meant to be read.
 void require_whole_model(const fs::path& source) {
     for (const fs::path& folder : {source / "sparse" / "0", source / "sparse", source})
         for (const char* form : {".bin", ".txt"}) {
@@ -296,7 +296,7 @@ void describe_masks(const SourceScene& source, Scene& scene) {
                                           stretched.size(), listed(stretched)));
 }
 
-/// Returns the largest distance of a camera from the cameras' mean; 0 where only rounding tells them apart.
+/// Returns the largest distance of a camera from the cameras' mean; 0 if only rounding tells them apart.
 double camera_radius(const std::vector<View>& views) {
     const Eigen::Vector3d mean = mean_camera_center(views);
     double radius = 0;

@@ -21,7 +21,7 @@ struct Matching {
 bool numbered_in_order(const std::vector<std::string>& names);
 
 /// Chooses by --matching or, without it, by the number of photographs: all pairs up to 300; above that neighbours of a
-/// video, pairs that look alike where there is a vocabulary tree, neighbours of numbered names, all pairs. A video's
+/// video, pairs that look alike if there is a vocabulary tree, neighbours of numbered names, all pairs. A video's
 /// frames are always compared with their neighbours. Throws UsageError for a vocabulary tree that is missing.
 Matching choose_matching(const PrepareOptions& options, const std::vector<std::string>& names, bool is_video,
                          ColmapProgram& colmap);

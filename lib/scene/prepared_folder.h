@@ -8,12 +8,12 @@
 namespace gs {
 
 /// Checks whether a scene can be made at `scene`, before colmap runs for hours: it does not exist, holds nothing but
-/// the log of a failure, or is a scene and `overwrite` is set. Throws UsageError, also where one of the folders
+/// the log of a failure, or is a scene and `overwrite` is set. Throws UsageError, also if one of the folders
 /// `source` and `scene` holds the other.
 void check_target(const std::filesystem::path& source, const std::filesystem::path& scene, bool overwrite);
 
 /// Keeps images/ and sparse/ of the output of image_undistorter, moves the model to sparse/0/ and deletes the rest.
-/// Throws DataError where colmap wrote no scene.
+/// Throws DataError if colmap wrote no scene.
 void arrange_scene(const std::filesystem::path& dense);
 
 /// Puts the new scene in the place of an earlier one, which is removed only when the new one is safe on the disk, and

@@ -47,7 +47,7 @@ class ColmapProgram {
     /// Returns what `colmap command -h` prints.
     const std::string& help(const std::string& command);
     /// Returns the option of `command` whose name after the dot this is: for "use_gpu" of feature_extractor
-    /// "--SiftExtraction.use_gpu" or, later, "--FeatureExtraction.use_gpu". Empty where there is none.
+    /// "--SiftExtraction.use_gpu" or, later, "--FeatureExtraction.use_gpu". Empty if there is none.
     std::string option(const std::string& command, const std::string& name);
 
   private:

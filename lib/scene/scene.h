@@ -54,13 +54,13 @@ struct View {
     /// The index of the device that took it, 0..Scene::num_cameras-1; -1 = a device without training images
     int camera_id = 0;
     std::string mask_file;  ///< where its mask comes from; empty without one
-    /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty where the file does not say, or nobody asked
+    /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty if the file does not say, or nobody asked
     /// (SceneOptions::ppisp_exif).
     std::optional<double> exif_exposure;
 };
 
 /// Returns the image of a view: the one that was kept, or else a newly decoded one. Throws what View::load throws, and
-/// DataError where the image does not have the size of the view's camera.
+/// DataError if the image does not have the size of the view's camera.
 std::shared_ptr<const ViewImage> view_image(const View& view);
 
 struct PointCloud {
@@ -76,7 +76,7 @@ struct Scene {
     std::string image_folder;  ///< e.g. "images_4"; empty if not applicable
     std::vector<View> train, test;
     /// The number of devices that took training images: the cameras of a COLMAP model, in the order of their ids. It is
-    /// 1 where the dataset does not tell devices apart; a COLMAP model with a camera for every image is such a dataset.
+    /// 1 if the dataset does not tell devices apart; a COLMAP model with a camera for every image is such a dataset.
     int num_cameras = 1;
     std::string split_rule;  ///< how the views were split, in words; written to the results
     PointCloud points;       ///< empty = random initialisation

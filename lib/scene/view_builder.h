@@ -34,7 +34,7 @@ class ViewBuilder {
 
     /// Returns one line each about undistortion, and about sizes that the options did not ask for.
     std::vector<std::string> notes() const;
-    /// Returns a line about images that were resized as the options ask, where there are any.
+    /// Returns a line about images that were resized as the options ask, if there are any.
     std::vector<std::string> facts() const;
     bool has_alpha() const { return has_alpha_; }
 

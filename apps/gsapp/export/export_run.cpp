@@ -46,8 +46,8 @@ std::string name_of(const SavedRun& run) {
     return run.options.source.empty() ? run.folder.stem().string() : scene_name(run.options.source);
 }
 
-/// Returns what a file says about itself, where other readers do not look. `num_all`: Gaussians of the model of which
-/// this is a coarser level; 0: it is none.
+/// Returns the JSON of a file about itself, which stands after the last texture. `num_all`: Gaussians of the model of
+/// which this is a coarser level; 0: it is none.
 std::string trailer(const SavedRun& run, const Gaussians& model, const PackedScene& scene,
                     const std::optional<PackingLoss>& loss, bool described, std::int64_t num_all) {
     nlohmann::ordered_json json = {{"generator", version_text()},
@@ -132,8 +132,8 @@ void add_start(PackedRun& packed, SavedRun& run, const Gaussians& model, const s
     packed.preview = quantized_render(image);
 }
 
-/// `described`: whether a site.json lies beside the file. `coarser`: whether to make coarser levels. `begins`: whether
-/// the page begins with this run.
+/// Packs a run and its levels. `described`: whether a site.json lies beside the file. `coarser`: whether to make
+/// coarser levels. `begins`: whether a viewer's page begins with this run, which needs its first view and its preview.
 PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& folder, const SiteOptions& site,
                    bool described, bool coarser, bool begins) {
     SavedRun run = open_saved_run(folder, request.iteration, request.changes);
@@ -153,9 +153,10 @@ PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& fo
                      .scene_name = name_of(run),
                      .start = {},
                      .preview = {}};
-    if (begins) add_start(packed, run, models[0].gaussians, site.start_view);  // first: it may be refused
+    if (begins) add_start(packed, run, models[0].gaussians, site.start_view);  // first: --start-view may be refused
     std::optional<PackedPpisp> correction;
     if (all.ppisp.active()) correction = packed_correction(run, packed.views);
+    // It uploads the model, whose views packing_loss() compares with below.
     models[0].scores = view_scores(run, models[0].gaussians);
     if (coarser) {
         if (run.scene.train.empty() && !has_test_views)

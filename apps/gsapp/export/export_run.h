@@ -58,15 +58,15 @@ struct SiteOptions {
 struct ExportedModel {
     std::filesystem::path file;
     std::int64_t num_gaussians = 0;
-    std::optional<PackingLoss> loss = {};  ///< what packing for the web costs on the test views, where there are any
+    std::optional<PackingLoss> loss = {};  ///< what packing for the web costs on the test views, if there are any
 };
 
-/// Writes scene.ngsplat and, where it is built, the web viewer with a picture for previews of links to it. Measures
-/// what packing loses on the test views and tells it in the log and in the file. A second run becomes scene-2.ngsplat,
-/// levels (coarser_levels) become scene-level-K.ngsplat. site.json names what lies beside scene.ngsplat, where there is
-/// anything, with the PSNR of each level. Throws UsageError where the output is taken, the two runs have other cameras,
+/// Writes scene.ngsplat and, if the web viewer is built, the viewer with a preview image for links to it. Measures the
+/// loss of packing on the test views, and writes it to the log and the file. A second run becomes scene-2.ngsplat,
+/// levels (coarser_levels) become scene-level-K.ngsplat. site.json names what lies beside scene.ngsplat, if there is
+/// anything, with the PSNR of each level. Throws UsageError if the output is taken, the two runs have other cameras,
 /// or there are no test views whose photographs could be written; what find_start_view and open_saved_run throw;
-/// DataError for parameters that are not finite and where a file cannot be read or written; and what turn
+/// DataError for parameters that are not finite and if a file cannot be read or written; and what turn
 /// (lib/export/turn.h) throws.
 std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOptions& site = {});
 

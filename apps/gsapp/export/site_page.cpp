@@ -67,7 +67,7 @@ int fit(const std::string& name, const std::string& wanted) {
     return file == wanted || without_extension(file) == wanted ? 1 : 0;
 }
 
-/// Returns the photograph of this name; null if there is none. Throws UsageError where several are called so.
+/// Returns the photograph of this name; null if there is none. Throws UsageError if several are called so.
 const View* find_photograph(const std::string& wanted, const Scene& scene) {
     const View* best = nullptr;
     int best_fit = 0;
@@ -135,7 +135,7 @@ std::string fragment_of(const Camera& camera, const Vector3d& center) {
                     text, called, views.shown.size()));
 }
 
-/// Returns what a fragment shows. Throws UsageError where it shows nothing; `text` is what the user wrote.
+/// Returns what a fragment shows. Throws UsageError if it shows nothing; `text` is what the user wrote.
 Camera camera_of(const std::string& fragment, const std::string& text, const NamedViews& views, const Camera& first) {
     if (const auto number = value_of(fragment, "view")) {
         const auto value = read_numbers(*number, 1);

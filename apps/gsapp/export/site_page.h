@@ -50,7 +50,7 @@ inline constexpr int kPreviewWidth = 1200, kPreviewHeight = 630;
 /// http and https addresses without a query.
 std::string folder_url(const std::string& url);
 
-/// Returns the HTML of the viewer's page with another head. Throws DataError where it has no title to replace.
+/// Returns the HTML of the viewer's page with another head. Throws DataError if it has no title to replace.
 std::string with_head(const std::string& html, const PageHead& head);
 
 }  // namespace gs

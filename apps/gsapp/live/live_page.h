@@ -74,7 +74,7 @@ struct SnapshotFacts {
 
 /// Packs the visible Gaussians and writes them as .ngsplat. A photometric correction has neutral exposure and colour in
 /// every view. Throws UsageError for a model that cannot be packed, and DataError for parameters that are not finite
-/// and where the file cannot be written.
+/// and if the file cannot be written.
 void write_snapshot(const std::filesystem::path& file, const Gaussians& model, const SnapshotFacts& facts);
 
 /// What stays the same while a page is served.

@@ -30,7 +30,7 @@ class Throttle {
 };
 
 /// Serves the page of one training. While nobody looks it costs the training nothing but a look at a clock; what it
-/// costs else is bounded by Throttle. It reads the model only where that changes nothing (TrainProgress::rows_current),
+/// costs else is bounded by Throttle. It reads the model only if that changes nothing (TrainProgress::rows_current),
 /// so a run that was watched is the same as one that was not.
 class LiveTraining {
   public:
@@ -48,7 +48,7 @@ class LiveTraining {
     void saved(std::int64_t iteration, const std::string& error);
     /// Shows the finished model.
     void finish(std::int64_t iteration, Backend& backend);
-    /// Says how the training ended, where it did not finish.
+    /// Says how the training ended, if it did not finish.
     void end(const std::string& state, const std::string& message) {
         ended_ = true;
         page_.tell({{"state", state}, {"message", message}});

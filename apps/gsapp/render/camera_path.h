@@ -35,7 +35,7 @@ Camera with_vertical_field(Camera camera, const PictureSize& size);
 /// Cameras in the order of a video.
 struct CameraPath {
     std::vector<Camera> cameras;
-    std::optional<double> fps;  ///< frames a second, where the file says so
+    std::optional<double> fps;  ///< frames a second, if the file says so
 };
 
 /// The rates that videos may have, in frames a second.

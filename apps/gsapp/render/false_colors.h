@@ -32,7 +32,7 @@ class DepthRangeFinder {
     /// hundredth do not, because single Gaussians float anywhere.
     void add(const std::vector<float>& depth, const std::vector<float>& alpha);
 
-    /// Returns the range of all pictures; {0, 0} where no pixel counts.
+    /// Returns the range of all pictures; {0, 0} if no pixel counts.
     DepthRange range() const { return found_ ? range_ : DepthRange{}; }
 
   private:

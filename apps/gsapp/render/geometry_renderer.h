@@ -19,12 +19,12 @@ class GeometryRenderer {
     explicit GeometryRenderer(const SavedRun& run);
 
     /// Returns the depth of each pixel, (H,W). A Gaussian's depth z is the distance of its mean along the camera's
-    /// forward axis, in scene units. Expected is sum(w z) / sum(w) over the fragments, and 0 where nothing is seen; the
-    /// median is the z of one Gaussian, and 0 where the pixel's alpha is below 1/2.
+    /// forward axis, in scene units. Expected is sum(w z) / sum(w) over the fragments, and 0 if nothing is seen; the
+    /// median is the z of one Gaussian, and 0 if the pixel's alpha is below 1/2.
     std::vector<float> depth(const Camera& camera, DepthKind kind = DepthKind::kExpected);
 
     /// Returns the normal of each pixel, (H,W,3): the blended directions of the Gaussians' shortest axes, each turned
-    /// to the camera, in the scene's axes and of length 1. 0 where nothing is seen or the directions cancel.
+    /// to the camera, in the scene's axes and of length 1. 0 if nothing is seen or the directions cancel.
     std::vector<float> normals(const Camera& camera);
 
   private:

@@ -38,11 +38,11 @@ struct OrbitShape {
 
 /// Returns a view of a model that no cameras belong to, in its frame: 1280x720 pixels, 50 degrees high, above the
 /// middle of the Gaussians, in front of the model, and so far away that most are seen. Sets the target of `shape` to
-/// that middle, and its "up" to -y, where they are not given.
+/// that middle, and its "up" to -y, if they are not given.
 View usual_view(const Gaussians& model, OrbitShape& shape, const Frame& frame);
 
 /// Returns cameras on a circle, in the frame, with the first view's intrinsics. They look at the point that the cameras
-/// of `views` look at, from their mean distance and height, where the shape does not say otherwise. "Up" is the
+/// of `views` look at, from their mean distance and height, if the shape does not say otherwise. "Up" is the
 /// cameras' mean upward direction. Throws UsageError without views and for count < 1.
 std::vector<Camera> orbit_path(const std::vector<View>& views, const OrbitShape& shape, const Frame& frame);
 

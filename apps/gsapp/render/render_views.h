@@ -31,7 +31,7 @@ std::filesystem::path picture_folder(const std::filesystem::path& folder, const 
 std::vector<std::string> render_files(const RenderParts& parts, std::size_t num_views);
 
 /// Writes one picture a view to <folder>/00000.png, ..., before the run's own background, and the parts. Throws
-/// DataError where a file cannot be written, and Interrupted.
+/// DataError if a file cannot be written, and Interrupted.
 void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorrection& correction,
                   const RenderParts& parts, const std::filesystem::path& folder);
 
