@@ -76,11 +76,13 @@ class ViewRenderer {
 
     /// Returns half the squared error of a view, weighted by its mask.
     virtual double half_squared_error(const StepRequest& request, const SplatParts& splats) = 0;
-    /// Computes what a view adds to the score of each splat (Backend::scores).
-    virtual void add_scores(const RenderRequest& request, const SplatParts& splats, const SumParts<double>& scores) = 0;
-    /// Computes what a view says of the residual of each splat (Backend::residual_scores).
-    virtual void add_residual_sums(const StepRequest& request, const SplatParts& splats,
-                                   const SumParts<ResidualSplatSums>& sums) = 0;
+    /// Computes what a view adds to the score of each splat (Backend::scores). Unlike those of a step, these sums lie
+    /// in the host's memory, in double: Shard adds up views.
+    virtual void scores_of_splats(const RenderRequest& request, const SplatParts& splats,
+                                  const SumParts<double>& scores) = 0;
+    /// Computes what a view says of the residual of each splat (Backend::residual_scores), in the host's memory.
+    virtual void residual_sums_of_splats(const StepRequest& request, const SplatParts& splats,
+                                         const SumParts<ResidualSplatSums>& sums) = 0;
     /// Does for the engine's own Gaussians what Backend::time_frames says, if it can leave the images on the device;
     /// empty otherwise.
     virtual std::optional<double> time_frames(const std::vector<RenderRequest>&, int) { return {}; }
@@ -150,10 +152,10 @@ class Engine : public DeviceModel, public ViewRenderer, public StepEngine {
 };
 
 /// Makes an engine on the CPU for one appearance model. Throws UsageError for an unknown model.
-std::unique_ptr<Engine> make_cpu_engine(const AppearanceSpec& appearance, const BackendOptions& options = {});
+std::unique_ptr<Engine> make_cpu_engine(const AppearanceSpec& appearance, const EngineOptions& options = {});
 
 /// Makes an engine on the current CUDA device. Throws UsageError for an unknown model, and DeviceError without CUDA
 /// (cuda_device.h).
-std::unique_ptr<Engine> make_cuda_engine(const AppearanceSpec& appearance, const BackendOptions& options = {});
+std::unique_ptr<Engine> make_cuda_engine(const AppearanceSpec& appearance, const EngineOptions& options = {});
 
 }  // namespace gs

@@ -60,7 +60,7 @@ struct IspView {
     float prior_exposure = 0;  ///< kController: exposure in stops that is known beforehand, e.g. from EXIF
 };
 
-/// One view to render.
+/// One view to render. Ranks send it as bytes.
 struct RenderRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
@@ -150,8 +150,8 @@ struct MemoryUse {
     std::int64_t bytes = 0, peak = 0;
 };
 
-/// The options of a backend. Those with "CUDA" do nothing on the CPU.
-struct BackendOptions {
+/// The options of an engine. Those with "CUDA" do nothing on the CPU.
+struct EngineOptions {
     /// Whether all sums have a fixed order, which is bitwise repeatable on one device, but slower.
     bool deterministic = false;
     bool separate_appearance = false;                   ///< CUDA: appearance in kernels of its own, for comparison

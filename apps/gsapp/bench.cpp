@@ -141,7 +141,7 @@ void bench_generated_sets(const TrainArguments& train, const BenchArguments& arg
     const TrainOptions options = train.resolve({.stored_run = false, .default_source = "generated"});
     prepare_bench(options);
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
-    const auto backend = choose_backend(options.device, appearance_spec(options), backend_options(options));
+    const auto backend = choose_backend(options.device, appearance_spec(options), engine_options(options));
     Results results(arguments.json);
     for (const std::int64_t count : arguments.generate)
         results.add(bench_generated(*backend, options, count, bench, arguments.compare_deterministic));
@@ -175,7 +175,7 @@ void bench_scene(const TrainArguments& train, const BenchArguments& arguments) {
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
     const BenchSubject subject = bench_subject(options, saved_iteration(arguments.iteration));
     set_appearance(options, subject.model.appearance);
-    const auto backend = choose_backend(options.device, subject.model.appearance, backend_options(options));
+    const auto backend = choose_backend(options.device, subject.model.appearance, engine_options(options));
     BenchResult result =
         bench_model(*backend, options, subject.scene, subject.model, bench, arguments.compare_deterministic);
     result.subject = subject.name;

@@ -110,7 +110,7 @@ double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussi
 /// Gaussians.
 std::int64_t affordable_iterations(const Stage& stage, double seconds) {
     const AppearanceSpec plain = appearance_spec(stage.options);
-    const auto backend = make_backend(stage.options.device, plain, backend_options(stage.options));
+    const auto backend = make_backend(stage.options.device, plain, engine_options(stage.options));
     backend->upload(initialize_gaussians(stage.scene, plain, init_options(stage.options)));
     const double step = kStepPerFrame * ModelLimits(stage.options, stage.scene, {}, 0).view_seconds(*backend);
     return std::int64_t(seconds / (step * double(1 + candidates(stage.options).size())));
@@ -199,7 +199,7 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
         measured.seconds = seconds_now() - deadline.start;
         return measured;
     }
-    const auto positions = make_backend(options.device, plain_sh_appearance(0), backend_options(options));
+    const auto positions = make_backend(options.device, plain_sh_appearance(0), engine_options(options));
     measured.parts = residual_parts(*plain.backend, *positions, seen, held_out, trial.background());
     if (with_trials && needs_trials(measured.parts, options.auto_tolerance)) {
         deadline.slower = slowdown(options, stage, plain.backend->count());

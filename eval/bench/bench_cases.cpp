@@ -172,7 +172,7 @@ BenchResult bench_model(Backend& backend, const TrainOptions& options, const Sce
                         const BenchOptions& bench, bool compare_deterministic) {
     BenchResult result = run_bench(backend, options, scene, model, bench);
     if (!compare_deterministic) return result;
-    BackendOptions other = backend_options(options);
+    EngineOptions other = engine_options(options);
     other.deterministic = !other.deterministic;
     const auto changed = make_backend(options.device, model.appearance, other);
     const double seconds = iteration_seconds(*changed, options, scene, model, bench);

@@ -92,7 +92,7 @@ std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const S
         if (level.gpu_only && !uses_cuda(options.device)) continue;
         TrainOptions with = options;
         level.apply(with);
-        const auto backend = choose_backend(options.device, model.appearance, backend_options(with));
+        const auto backend = choose_backend(options.device, model.appearance, engine_options(with));
         backend->upload(model);
         PrecisionRow row{level.name};
         measure_errors(*backend, reference, row);

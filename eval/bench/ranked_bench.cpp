@@ -128,7 +128,7 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
     Gaussians model = generated_gaussians(count, options.seed, appearance);
     Scene scene;
     {
-        const auto renders = make_sharded_backend(team, options.device, appearance, backend_options(options));
+        const auto renders = make_sharded_backend(team, options.device, appearance, engine_options(options));
         renders->upload(model);
         scene = generated_scene(*renders, options.background.color);
     }
@@ -141,8 +141,8 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
     }
     MessageWriter targets;
     put_targets(targets, photographs);
-    const auto backend = make_sharded_backend(team, options.device, appearance, backend_options(options),
-                                              result.views_per_step, targets);
+    const auto backend =
+        make_sharded_backend(team, options.device, appearance, engine_options(options), result.views_per_step, targets);
     result.device = backend->describe();
     backend->upload(model);
     model = {};  // so that rank 0 holds what it holds in a training

@@ -54,7 +54,7 @@ FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int
 
 FrameTimesLine time_generated_frames(std::int64_t count, const TrainOptions& options, int frames_per_view) {
     const AppearanceSpec appearance = appearance_spec(options);
-    const auto backend = choose_backend(options.device, appearance, backend_options(options));
+    const auto backend = choose_backend(options.device, appearance, engine_options(options));
     backend->upload(generated_gaussians(count, options.seed, appearance));
     return {"-", "generated", options.appearance, count,
             measure_frame_times(*backend, generated_cameras(), options.background.color, frames_per_view)};

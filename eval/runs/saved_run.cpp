@@ -148,7 +148,7 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     }
     run.iteration = model.iteration;
     run.correction = model.correction;
-    const BackendOptions backend = backend_options(run.options);
+    const EngineOptions backend = engine_options(run.options);
     if (instead.team) {
         run.backend = make_sharded_backend(instead.team, run.options.device, model.state.appearance, backend);
         log_info("device: {}", run.backend->describe());

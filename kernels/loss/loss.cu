@@ -328,7 +328,7 @@ void write_half_squared_error(const CudaLossInput& in, float* out, double* error
     GS_CUDA_LAUNCHED("half_squared_error_of_pixels");
 }
 
-void write_weights(const TargetImage& target, float* out, cudaStream_t stream) {
+void write_mask_weights(const TargetImage& target, float* out, cudaStream_t stream) {
     write_half_squared_error({.target = target}, out, nullptr, stream);
 }
 

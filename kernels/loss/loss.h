@@ -21,8 +21,8 @@ template <class Real> class ImageLoss {
     /// Not a term of the loss: scores of residuals use it. Returns half the squared error, weighted by the mask and
     /// summed over pixels and channels, and writes its gradient to `out` (3,H,W).
     double half_squared_error(const Real* image, const TargetImage& target, const Vec3<float>& background, Real* out);
-    /// Writes the weight of each pixel to `out` (3,H,W): the mask, or 1.
-    void weights(const TargetImage& target, Real* out) const;
+    /// Writes the weight of each pixel, which its mask gives, to `out` (3,H,W): the mask, or 1.
+    void mask_weights(const TargetImage& target, Real* out) const;
 
   private:
     /// Multiplies the target and a copy of the image by the mask. Returns the sum of the weights.

@@ -234,7 +234,7 @@ ViewLoss ImageLoss<Real>::compute(const Real* image, const TargetImage& target, 
     return loss_of_sums(l1_sum, ssim_sum, weights, weight_sum);
 }
 
-template <class Real> void ImageLoss<Real>::weights(const TargetImage& target, Real* out) const {
+template <class Real> void ImageLoss<Real>::mask_weights(const TargetImage& target, Real* out) const {
     const std::size_t pixels = std::size_t(target.width) * target.height;
     if (!target.mask) {
         std::fill_n(out, 3 * pixels, Real(1));
@@ -248,7 +248,7 @@ template <class Real>
 double ImageLoss<Real>::half_squared_error(const Real* image, const TargetImage& target, const Vec3<float>& background,
                                            Real* out) {
     decode_target(target, background, target_);
-    weights(target, out);
+    mask_weights(target, out);
     double sum = 0;
     for (std::size_t k = 0; k < 3 * std::size_t(target.width) * target.height; ++k) {
         const Real difference = image[k] - target_[k];

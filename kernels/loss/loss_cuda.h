@@ -21,8 +21,8 @@ struct CudaLossInput {
 /// Not a term of the loss: scores of residuals use it. Writes the gradient of half the squared error, weighted by the
 /// mask and summed over pixels and channels, to `out` (3,H,W), and adds that sum to *error.
 void write_half_squared_error(const CudaLossInput& in, float* out, double* error, cudaStream_t stream);
-/// Writes the weight of each pixel to `out` (3,H,W): the mask, or 1.
-void write_weights(const TargetImage& target, float* out, cudaStream_t stream);
+/// Writes the weight of each pixel to `out` (3,H,W): the mask, or 1. The target needs its pixels.
+void write_mask_weights(const TargetImage& target, float* out, cudaStream_t stream);
 
 /// The sums of weighted |difference| and of weighted SSIM over each block, not yet divided by 3 weight_sum.
 struct CudaLossSums {

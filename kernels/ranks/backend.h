@@ -65,9 +65,10 @@ class Backend {
     void synchronize();
 
     DensifyStats densify(const DensifyRequest& request);
-    /// Returns how much the images of `views` depend on each Gaussian (docs/math/densification.md#pruning-by-score):
-    /// the sum over views and pixels of (dI/dG)^2. I is the sum of the channels of the composited colour, G the
-    /// Gaussian's value at the pixel. One value per row, finite or +infinity; 0 for a Gaussian that no view shows.
+    /// Ignores mode, median and isp of `views`. Returns how much the images of `views` depend on each Gaussian
+    /// (docs/math/densification.md#pruning-by-score): the sum over views and pixels of (dI/dG)^2. I is the sum of the
+    /// channels of the composited colour, G the Gaussian's value at the pixel. One value per row, finite or +infinity;
+    /// 0 for a Gaussian that no view shows.
     std::vector<float> scores(const std::vector<RenderRequest>& views);
     /// Returns what each residual is worth to `num_views` training views (kernels/blend/residual_score.h).
     ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on);

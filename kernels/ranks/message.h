@@ -20,6 +20,7 @@ class MessageWriter {
         return append(&value, sizeof value);
     }
     template <class T> MessageWriter& put(const std::vector<T>& values) {
+        static_assert(std::is_trivially_copyable_v<T>);
         put(std::uint64_t(values.size()));
         return append(values.data(), values.size() * sizeof(T));
     }
@@ -47,8 +48,12 @@ class MessageReader {
         take(&value, sizeof value);
         return value;
     }
-    template <class T> void get(T& value) { take(&value, sizeof value); }
+    template <class T> void get(T& value) {
+        static_assert(std::is_trivially_copyable_v<T>);
+        take(&value, sizeof value);
+    }
     template <class T> void get(std::vector<T>& values) {
+        static_assert(std::is_trivially_copyable_v<T>);
         const auto size = get<std::uint64_t>();
         if (size > (bytes_.size() - at_) / sizeof(T)) throw DataError("a message between ranks is too short");
         values.resize(size);

@@ -526,7 +526,8 @@ std::vector<float> Shard::scores(const std::vector<RenderRequest>& views) {
         const std::size_t size = std::min(batch, views.size() - first);
         std::vector<ShownView> some;
         for (std::size_t k = 0; k < size; ++k) some.push_back({views[first + k].camera});
-        render_views(some, sums, [&](std::size_t k) { engine_.add_scores(views[first + k], splats_, sums.parts); });
+        render_views(some, sums,
+                     [&](std::size_t k) { engine_.scores_of_splats(views[first + k], splats_, sums.parts); });
         for (std::size_t k = 0; k < size; ++k) {
             const auto rows = projected_[k].rows.on_host(copied_rows);
             for (std::size_t i = 0; i < rows.size(); ++i) totals[rows[i]] += sums.of_view[k].values()[i];
@@ -567,7 +568,7 @@ ResidualScores Shard::residual_scores(std::uint64_t num_views, const StepSource*
         std::vector<StepRequest> some = next_steps(first, num_views, step_on);
         render_views(shown(some, nullptr), sums, [&](std::size_t k) {
             bring_target(some[k]);
-            engine_.add_residual_sums(some[k], splats_, sums.parts);
+            engine_.residual_sums_of_splats(some[k], splats_, sums.parts);
         });
         for (std::size_t k = 0; k < some.size(); ++k)
             add_view_to(totals, projected_[k], sums.of_view[k].values(), colors);

@@ -46,7 +46,8 @@ template <class T> struct SplatGradient {
     Vec3<T> color;  ///< after the colour activation
 };
 
-/// The sums of one splat over its pixels; h = -alpha dL/dalpha.
+/// The sums of one splat over its pixels; h = -alpha dL/dalpha. r, g and b are sums of w dL/dpixel, w = alpha times the
+/// transmittance: with dL/dpixel = 1 they are the splat's blending weights.
 template <class P> struct SplatSums {
     P h, hx, hy, hxx, hxy, hyy, r, g, b;
 

@@ -23,7 +23,7 @@ void try_device(Device device) {
         std::call_once(warned, [&] { log_warning("the CPU is used, many times slower than the GPU: {}", failure); });
 }
 
-BackendOptions backend_options(const TrainOptions& options) {
+EngineOptions engine_options(const TrainOptions& options) {
     return {.deterministic = options.deterministic,
             .image_budget = std::int64_t(options.image_cache.count),
             .min_alpha = kMinAlpha * options.alpha_cutoff,
@@ -32,7 +32,7 @@ BackendOptions backend_options(const TrainOptions& options) {
             .packed_moments = options.appearance_moments == AppearanceMoments::kBf16};
 }
 
-std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appearance, const EngineOptions& options) {
     try_device(device);
     const bool cuda = uses_cuda(device);
     if (!cuda && options.half_residuals)
@@ -40,11 +40,11 @@ std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appeara
     return cuda ? make_cuda_engine(appearance, options) : make_cpu_engine(appearance, options);
 }
 
-std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const EngineOptions& options) {
     return std::make_unique<Backend>(make_engine(device, appearance, options));
 }
 
-std::unique_ptr<Engine> choose_engine(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Engine> choose_engine(Device device, const AppearanceSpec& appearance, const EngineOptions& options) {
     auto engine = make_engine(device, appearance, options);
     // Why there is no GPU; try_device has said why one that is there is not used.
     const bool none = device == Device::kAuto && cuda_device_count() == 0;
@@ -52,8 +52,7 @@ std::unique_ptr<Engine> choose_engine(Device device, const AppearanceSpec& appea
     return engine;
 }
 
-std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance,
-                                        const BackendOptions& options) {
+std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const EngineOptions& options) {
     return std::make_unique<Backend>(choose_engine(device, appearance, options));
 }
 

@@ -16,20 +16,20 @@ bool uses_cuda(Device device);
 void try_device(Device device);
 
 /// Returns the part of a run's options that concerns the backend.
-BackendOptions backend_options(const TrainOptions& options);
+EngineOptions engine_options(const TrainOptions& options);
 
 /// Makes the engine of this process. Throws DeviceError for kCuda without a device, UsageError for GPU-only options on
 /// the CPU.
-std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
+std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appearance, const EngineOptions& options);
 
 /// Makes a backend of this process alone. Throws as make_engine does.
-std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
+std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const EngineOptions& options);
 
 /// Makes the engine and logs its device; for a kAuto that found no GPU also the reason. Throws as make_engine does.
-std::unique_ptr<Engine> choose_engine(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
+std::unique_ptr<Engine> choose_engine(Device device, const AppearanceSpec& appearance, const EngineOptions& options);
 
 /// Makes a backend of this process alone as choose_engine does.
-std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
+std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const EngineOptions& options);
 
 /// Makes the engine on which learned metrics compute. Throws DeviceError as make_backend does.
 std::unique_ptr<TensorEngine> choose_tensor_engine(Device device);

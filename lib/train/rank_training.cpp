@@ -74,12 +74,12 @@ struct TrainedScene {
 void agree_on_options(RankTeam& team, const TrainOptions& options) { team.agree(agreed_text(options)); }
 
 std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
-                                             const AppearanceSpec& appearance, const BackendOptions& backend_options) {
+                                             const AppearanceSpec& appearance, const EngineOptions& engine_options) {
     const int batch = views_of_step(options.batch, team);
     MessageWriter about_targets;
     about_targets.put(options.seed).put(batch);
     put_views(about_targets, scene);
-    return make_sharded_backend(team, options.device, appearance, backend_options, batch, about_targets, true);
+    return make_sharded_backend(team, options.device, appearance, engine_options, batch, about_targets, true);
 }
 
 void follow_training(RankTeam& team, TrainOptions options) {

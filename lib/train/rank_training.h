@@ -18,7 +18,7 @@ void agree_on_options(RankTeam& team, const TrainOptions& options);
 /// hold their parts of the model and read the images of `scene` that they render. All references must outlive the
 /// backend.
 std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
-                                             const AppearanceSpec& appearance, const BackendOptions& backend_options);
+                                             const AppearanceSpec& appearance, const EngineOptions& engine_options);
 
 /// Does the part of a rank other than 0 in one training after another until rank 0 ends. Throws DataError naming file
 /// or view, and UsageError naming the option in which it differs from rank 0; without a message where rank 0 prints it.

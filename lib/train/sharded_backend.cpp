@@ -65,7 +65,7 @@ void connect_devices(RankTeam& team, Device device) {
 }
 
 std::unique_ptr<Backend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
-                                              const BackendOptions& options, int views_per_step,
+                                              const EngineOptions& options, int views_per_step,
                                               const MessageWriter& about_targets, bool is_announced) {
     if (team) choose_device(*team, device);
     auto engine = (is_announced ? choose_engine : make_engine)(device, appearance, options);
@@ -86,7 +86,7 @@ void follow_backends(RankTeam& team, const TargetSourceMaker& make_targets) {
         AppearanceSpec appearance;
         const auto device = message.get<Device>();
         message.get(appearance.model), message.get(appearance.max_degree), message.get(appearance.activation);
-        const auto options = message.get<BackendOptions>();
+        const auto options = message.get<EngineOptions>();
         MessageReader about_targets = receive_from_rank_0(team.communicator());
         const TargetSource targets = make_targets(about_targets);
         choose_device(team, device);

@@ -31,7 +31,7 @@ void connect_devices(RankTeam& team, Device device);
 /// be in follow_backends, make their engines; null: there are none. Steps take up to `views_per_step` views;
 /// `about_targets` is for the function by which the others bring their photographs. The team must outlive the backend.
 std::unique_ptr<Backend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
-                                              const BackendOptions& options, int views_per_step = 1,
+                                              const EngineOptions& options, int views_per_step = 1,
                                               const MessageWriter& about_targets = {}, bool is_announced = false);
 
 /// Makes what brings the photographs of a backend's steps, by what rank 0 says about them.

@@ -371,7 +371,7 @@ class Run {
     }
     std::string how_to_continue() const { return "continue with --resume latest -m " + writer_.folder().root.string(); }
 
-    std::unique_ptr<Backend> make_backend(const BackendOptions& options) {
+    std::unique_ptr<Backend> make_backend(const EngineOptions& options) {
         auto backend = hooks_.make_backend ? hooks_.make_backend(appearance_, options)
                                            : choose_backend(device_, appearance_, options);
         views_.deal(backend->views_per_step(), [&](int k) { return backend->needs_pixels(k); });
@@ -386,7 +386,7 @@ class Run {
         Gaussians state = from_points ? initialize_gaussians(scene_, appearance_, init)
                                       : start_from(std::move(*initial), scene_, appearance_, options.seed);
         if (!from_points) densification_.resume(state.active_degree);
-        backend_ = make_backend(backend_options(options));
+        backend_ = make_backend(engine_options(options));
         if (options.frame_limit) {
             InitOptions smallest = init;
             smallest.most_points = 1;
@@ -426,7 +426,7 @@ class Run {
         schedule_.resume(iteration_, earlier_time_ ? earlier_time_->limited_seconds : 0);
         photometric_.resume(checkpoint.state, schedule_.moment());
         densification_.resume(checkpoint.state.active_degree);
-        backend_ = make_backend(backend_options(options));
+        backend_ = make_backend(engine_options(options));
         backend_->upload(checkpoint.state);
         writer_.write_config();
         log_info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());

@@ -61,7 +61,7 @@ struct TrainHooks {
     /// With options.target_psnr: measures the views held out for it.
     std::function<HeldOutPsnr(Backend& backend)> held_out_psnr;
     /// Replaces choose_backend if set.
-    std::function<std::unique_ptr<Backend>(const AppearanceSpec&, const BackendOptions&)> make_backend;
+    std::function<std::unique_ptr<Backend>(const AppearanceSpec&, const EngineOptions&)> make_backend;
 };
 
 struct TrainSummary {

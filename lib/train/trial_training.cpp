@@ -71,7 +71,7 @@ TrialResult TrialTraining::begin(std::int64_t iterations) {
                                    training_views);
     Gaussians state = initialize_gaussians(scene_, appearance, init_options(options_));
     state.ppisp = photometric_.initial_state();
-    TrialResult result{make_backend(options_.device, appearance, backend_options(options_))};
+    TrialResult result{make_backend(options_.device, appearance, engine_options(options_))};
     result.backend->upload(state);
     run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(),
         [&](std::int64_t k, const StepView& view) {
@@ -89,7 +89,7 @@ std::optional<TrialResult> TrialTraining::continue_with(const Gaussians& state, 
     resting.strategy = Strategy::kNone;  // no noise on the means
     const StepComposer composer(resting, appearance, scene_, &photometric_);
     Gaussians start = with_appearance(state, appearance, scene_, options_.seed);
-    TrialResult result{make_backend(options_.device, appearance, backend_options(options_))};
+    TrialResult result{make_backend(options_.device, appearance, engine_options(options_))};
     photometric_.resume(start, moment_at(options_, begun_));
     result.backend->upload(start);
     const bool finished =

@@ -22,8 +22,8 @@ void expect_images_within_bounds(Backend& backend, const TestScene& scene) {
         Agreement rgb(name), alpha("alpha");
         for (std::size_t i = 0; i < want.rgb.size(); ++i) rgb.add(image.rgb[i], want.rgb[i]);
         for (std::size_t i = 0; i < want.alpha.size(); ++i) alpha.add(image.alpha[i], want.alpha[i]);
-        rgb.expect(scene.informative);
-        if (mode == RenderMode::kFull) alpha.expect(scene.informative);
+        rgb.expect(scene.rounding_share);
+        if (mode == RenderMode::kFull) alpha.expect(scene.rounding_share);
         std::printf("  %lld of %zu pixels with a fragment that may count or not\n", (long long)want.undecided_pixels,
                     want.alpha.size());
     }
@@ -78,8 +78,8 @@ void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r,
                 p.add(now.param[i], {p0, rate * (1 + 16 * kRoundoff) + rounding});
             }
         }
-        const double informative = scene.round && Group(k) == Group::kRotation ? 1e30 : scene.informative;
-        m.expect(informative, kBeyond), v.expect(informative, kBeyond), p.expect(1, kBeyond);
+        const double rounding_share = scene.round && Group(k) == Group::kRotation ? 1e30 : scene.rounding_share;
+        m.expect(rounding_share, kBeyond), v.expect(rounding_share, kBeyond), p.expect(1, kBeyond);
         std::printf("  %-22s sign certain for %lld of %lld that move\n", kGroupNames[k], (long long)certain,
                     (long long)moving);
     }
@@ -91,7 +91,7 @@ void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r,
         // the sum then.
         EXPECT_TRUE(after.gradient_count[i] == 1 || (after.gradient_count[i] == 0 && !seen[i])) << "Gaussian " << i;
     }
-    statistic.expect(scene.informative, kBeyond);
+    statistic.expect(scene.rounding_share, kBeyond);
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ class Agreement {
     }
     /// Prints the worst ratio. Fails where more numbers than the share `beyond` exceed their bounds, where one of them
     /// is off by more than a hundredth of the largest value, or where half of the bounds are too large to say anything.
-    void expect(double informative, double beyond = 0) {
+    void expect(double rounding_share, double beyond = 0) {
         if (bounds_.empty()) return;
         std::vector<double> sorted = bounds_;
         std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2), sorted.end());
@@ -38,7 +38,7 @@ class Agreement {
             << what_ << ": of " << bounds_.size() << " numbers, the first at " << first_;
         EXPECT_LE(beyond_error_, 0.01 * scale_) << what_;
         if (scale_ > 0) {
-            EXPECT_LE(median, informative * scale_) << what_ << ": bounds that say nothing";
+            EXPECT_LE(median, rounding_share * scale_) << what_ << ": bounds that say nothing";
         }
     }
 

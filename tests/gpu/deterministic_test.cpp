@@ -33,7 +33,7 @@ class GpuDeterministic : public Gpu {
     const TestScene scene_ = random_scene(4000, 3, kWidth, kHeight, -1, 6);
 
     /// Takes 30 steps; a densification follows every tenth, twice MCMC and once ADC.
-    Gaussians train(const BackendOptions& options, bool with_ids = true) const {
+    Gaussians train(const EngineOptions& options, bool with_ids = true) const {
         const auto gpu = make_cuda_backend(scene_.model.appearance, options);
         gpu->upload(scene_.model);
         McmcParams mcmc;

@@ -69,7 +69,7 @@ template <class Model> class GpuModel : public ::testing::Test {
         r.rates.shared = 3e-3;
         return r;
     }
-    static Gaussians after_step(const TestScene& t, const StepRequest& r, const BackendOptions& options) {
+    static Gaussians after_step(const TestScene& t, const StepRequest& r, const EngineOptions& options) {
         const auto gpu = make_cuda_backend(t.model.appearance, options);
         gpu->upload(t.model);
         gpu->step(r);
@@ -200,8 +200,8 @@ TYPED_TEST(GpuModel, ShowsAndLearnsTheSameWithSomeResiduals) {
         cpu->render({r.camera, r.background}, expected);
         cpu->step(r);
         const Gaussians want = cpu->download(true);
-        for (const BackendOptions& options :
-             {BackendOptions{}, {.separate_appearance = true}, {.packed_moments = true}}) {
+        for (const EngineOptions& options :
+             {EngineOptions{}, {.separate_appearance = true}, {.packed_moments = true}}) {
             const bool packed = options.packed_moments;
             SCOPED_TRACE(std::to_string(rows) + " residuals" + (options.separate_appearance ? ", separate" : "") +
                          (packed ? ", packed moments" : ""));

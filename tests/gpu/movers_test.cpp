@@ -73,7 +73,7 @@ TEST_F(GpuMovers, AreTheSameOnAnyNumberOfRanks) {
                 });
             },
             [&] {
-                BackendOptions options;
+                EngineOptions options;
                 options.deterministic = true;
                 return make_cuda_engine(views.model.appearance, options);
             });

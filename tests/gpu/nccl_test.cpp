@@ -37,7 +37,7 @@ Gaussians trained(const RankViews& views, int size, bool by_nccl, const Training
             EXPECT_EQ(connect_devices(ranks, cuda_device_id()), "");
             EXPECT_NE(ranks.link(), nullptr);
         }
-        BackendOptions options;
+        EngineOptions options;
         options.deterministic = how.fixed_order;
         std::unique_ptr<Engine> own = make_cuda_engine(views.model.appearance, options);
         if (ranks.rank() > 0) return follow(ranks, *own, how.in_a_row ? targets_in_a_row(views) : views.targets());

@@ -24,7 +24,7 @@ class GpuPrecision : public Gpu {
         backend.render(r, image);
         return image;
     }
-    RenderedImage frame_with(const BackendOptions& options) const {
+    RenderedImage frame_with(const EngineOptions& options) const {
         const auto gpu = make_cuda_backend(scene_.model.appearance, options);
         gpu->upload(scene_.model);
         return frame(*gpu);
@@ -50,7 +50,7 @@ Difference compare(const std::vector<float>& a, const std::vector<float>& b) {
 
 /// Rounding decides about single fragments at the cutoff, so a few pixels may differ by at most what is cut off.
 TEST_F(GpuPrecision, CutoffsAreThoseOfTheCpu) {
-    const BackendOptions options{.min_alpha = 4.0 / 255, .min_transmittance = 0.01};
+    const EngineOptions options{.min_alpha = 4.0 / 255, .min_transmittance = 0.01};
     const auto cpu = make_cpu_backend(scene_.model.appearance, options),
                gpu = make_cuda_backend(scene_.model.appearance, options);
     cpu->upload(scene_.model), gpu->upload(scene_.model);
@@ -124,7 +124,7 @@ TEST_F(GpuPrecision, PackedMomentsAreMomentsOfEightBits) {
 
 /// Takes every kind of step and moves rows, among them residuals that are caught up late.
 TEST_F(GpuPrecision, PackedMomentsTrainLikeFullOnes) {
-    const auto train = [&](const BackendOptions& options) {
+    const auto train = [&](const EngineOptions& options) {
         const auto gpu = make_cuda_backend(scene_.model.appearance, options);
         gpu->upload(scene_.model);
         McmcParams mcmc;

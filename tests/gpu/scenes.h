@@ -18,7 +18,7 @@ struct TestScene {
     bool masked = false, floats = false;
     std::optional<int> clear_from;  ///< the first column of the target that is transparent, as are all right of it
     /// Half of the error bounds must lie below this share of the largest value, or they would not say anything.
-    double informative = 2e-3;
+    double rounding_share = 2e-3;
     bool round = false;  ///< Gaussians are spheres: gradients of rotations are nothing but rounding
 };
 
@@ -188,10 +188,10 @@ inline std::vector<NamedScene> test_scenes() {
     return {
         {"Empty", [] { return random_scene(0, 3, 33, 25, 0, 1); }},
         {"OnePixelOneGaussian",
-         [] { return with(random_scene(1, 3, 1, 1, 0, 1), [](TestScene& s) { s.informative = 0.1; }); }},
+         [] { return with(random_scene(1, 3, 1, 1, 0, 1), [](TestScene& s) { s.rounding_share = 0.1; }); }},
         {"OnePixelFortyGaussians", [] { return random_scene(40, 3, 1, 1, 0.5, 6); }},
         {"OneGaussian",
-         [] { return with(random_scene(1, 3, 33, 25, 0, 3), [](TestScene& s) { s.informative = 0.1; }); }},
+         [] { return with(random_scene(1, 3, 33, 25, 0, 3), [](TestScene& s) { s.rounding_share = 0.1; }); }},
         {"SmallerThanTheWindow", [] { return random_scene(60, 3, 17, 13, 0, 2); }},
         {"Lego", [] { return random_scene(10000, 3, 800, 800, -2.5, 3); }, true},
         {"Large", [] { return random_scene(60, 3, 3840, 2160, -1, 4); }, true},
@@ -201,8 +201,8 @@ inline std::vector<NamedScene> test_scenes() {
         {"HalfFinishedTile", half_finished_tile_scene},
         {"Behind", [] { return behind_scene(); }},
         {"Huge", [] { return huge_scene(); }},
-        {"ShortNeedles", [] { return with(needle_scene(240, -2), [](TestScene& s) { s.informative = 0.02; }); }},
-        {"LongNeedles", [] { return with(needle_scene(60, -0.8), [](TestScene& s) { s.informative = 0.3; }); }},
+        {"ShortNeedles", [] { return with(needle_scene(240, -2), [](TestScene& s) { s.rounding_share = 0.02; }); }},
+        {"LongNeedles", [] { return with(needle_scene(60, -0.8), [](TestScene& s) { s.rounding_share = 0.3; }); }},
         {"BesidePlainBackground", beside_plain_background_scene},
         {"Borders", [] { return border_scene(); }},
         {"DegreeZero",

@@ -19,8 +19,8 @@ std::vector<RenderRequest> views_of(const TestScene& scene) {
 }
 
 /// Expects scores that differ by rounding only. Float exponentials and atomics differ in the last bits, and a fragment
-/// may lie on the other side of a threshold. `rounding` is TestScene::informative, what single precision is good for in
-/// a scene.
+/// may lie on the other side of a threshold. `rounding` is TestScene::rounding_share, what single precision is good for
+/// in a scene.
 void expect_near(const std::vector<float>& cpu, const std::vector<float>& gpu, double rounding) {
     ASSERT_EQ(cpu.size(), gpu.size());
     const float largest = cpu.empty() ? 0 : *std::max_element(cpu.begin(), cpu.end());
@@ -49,7 +49,7 @@ TEST_P(GpuScoresOf, AreThoseOfTheCpu) {
     for (const bool deterministic : {false, true}) {
         const auto gpu = make_cuda_backend(scene.model.appearance, {.deterministic = deterministic});
         gpu->upload(scene.model);
-        expect_near(expected, gpu->scores(views_of(scene)), scene.informative);
+        expect_near(expected, gpu->scores(views_of(scene)), scene.rounding_share);
     }
 }
 

@@ -6,12 +6,11 @@
 
 namespace gs {
 
-inline std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options = {}) {
+inline std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const EngineOptions& options = {}) {
     return std::make_unique<Backend>(make_cpu_engine(appearance, options));
 }
 
-inline std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance,
-                                                  const BackendOptions& options = {}) {
+inline std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const EngineOptions& options = {}) {
     return std::make_unique<Backend>(make_cuda_engine(appearance, options));
 }
 

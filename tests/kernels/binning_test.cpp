@@ -8,10 +8,10 @@
 #include <limits>
 #include <random>
 
-#include "kernels/backends/instance_forecast.h"
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
 #include "kernels/cuda/device_code.h"
+#include "kernels/engines/instance_forecast.h"
 #include "kernels/splat/depth_key.h"
 
 namespace gs {

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "appearance/sh/sh.h"
-#include "kernels/backends/cpu_rasterizer.h"
+#include "kernels/engines/cpu_rasterizer.h"
 
 namespace gs::test {
 

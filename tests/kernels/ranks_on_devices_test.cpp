@@ -6,7 +6,7 @@
 
 #include "appearance/neural/neural.h"
 #include "appearance/sh/sh.h"
-#include "kernels/backends/cpu_engine.h"
+#include "kernels/engines/cpu_engine.h"
 #include "kernels/ranks/connect_devices.h"
 #include "tests/kernels/fake_device_stream.h"
 #include "tests/kernels/rank_threads.h"

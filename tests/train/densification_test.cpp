@@ -10,7 +10,7 @@
 
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
-#include "tests/train/forwarding_engine.h"
+#include "tests/kernels/forwarding_engine.h"
 
 namespace gs {
 namespace {

@@ -14,7 +14,7 @@
 #include "lib/scene/procedural.h"
 #include "lib/train/trainer.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/train/forwarding_engine.h"
+#include "tests/kernels/forwarding_engine.h"
 
 namespace gs {
 namespace {
@@ -73,7 +73,7 @@ void expect_training_works(const ModelInfo& model, ColorActivation activation, c
     o = resolve(o);
     std::vector<double> losses;
     TrainHooks hooks;
-    hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) {
+    hooks.make_backend = [&](const AppearanceSpec& appearance, const EngineOptions&) {
         return std::make_unique<Backend>(std::make_unique<WatchedEngine>(appearance, losses));
     };
     Progress progress(ProgressStyle::kSilent);

@@ -17,7 +17,7 @@
 #include "lib/train/trainer.h"
 #include "lib/train/training_views.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/train/forwarding_engine.h"
+#include "tests/kernels/forwarding_engine.h"
 
 namespace gs {
 namespace {
@@ -140,7 +140,7 @@ class Slow : public test::ForwardingEngine {
 
 TrainHooks slow_device() {
     TrainHooks hooks;
-    hooks.make_backend = [](const AppearanceSpec& appearance, const BackendOptions&) {
+    hooks.make_backend = [](const AppearanceSpec& appearance, const EngineOptions&) {
         return std::make_unique<Backend>(std::make_unique<Slow>(appearance));
     };
     return hooks;
@@ -195,7 +195,7 @@ TEST(CoarseImages, ComeFirstAndAreOtherImages) {
     o.coarse_until = 0.5;
     Watched* watched = nullptr;
     TrainHooks hooks;
-    hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) {
+    hooks.make_backend = [&](const AppearanceSpec& appearance, const EngineOptions&) {
         auto engine = std::make_unique<Watched>(appearance);
         watched = engine.get();
         return std::make_unique<Backend>(std::move(engine));

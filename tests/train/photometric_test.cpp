@@ -18,7 +18,7 @@
 #include "lib/scene/procedural.h"
 #include "lib/train/trainer.h"
 #include "tests/core/temporary_folder.h"
-#include "tests/train/forwarding_engine.h"
+#include "tests/kernels/forwarding_engine.h"
 
 namespace gs {
 namespace {

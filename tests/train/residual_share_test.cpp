@@ -11,7 +11,7 @@
 
 #include "kernels/base/error.h"
 #include "lib/model/appearance_spec.h"
-#include "tests/train/forwarding_engine.h"
+#include "tests/kernels/forwarding_engine.h"
 
 namespace gs {
 namespace {

@@ -25,8 +25,8 @@
 #include "lib/train/trainer.h"
 #include "lib/train/training_views.h"
 #include "tests/core/temporary_folder.h"
+#include "tests/kernels/forwarding_engine.h"
 #include "tests/model/hostile_start.h"
-#include "tests/train/forwarding_engine.h"
 
 namespace gs::test {
 namespace {
@@ -311,7 +311,7 @@ double hostile_run(const fs::path& folder, const std::string& model, double shar
     o.iterations = 600;
     o.densify_until_iter = 500;
     TrainHooks hooks;
-    hooks.make_backend = [=](const AppearanceSpec& appearance, const BackendOptions&) {
+    hooks.make_backend = [=](const AppearanceSpec& appearance, const EngineOptions&) {
         return std::make_unique<Backend>(std::make_unique<HostileEngine>(appearance, share));
     };
     Progress progress(ProgressStyle::kSilent);
@@ -418,7 +418,7 @@ class FailingEngine : public test::ForwardingEngine {
 /// Trains with a backend that fails at that iteration and returns the message of the run's DeviceError.
 std::string failure(const TrainOptions& options, std::int64_t failing_iteration, bool readable) {
     TrainHooks hooks;
-    hooks.make_backend = [=](const AppearanceSpec& appearance, const BackendOptions&) {
+    hooks.make_backend = [=](const AppearanceSpec& appearance, const EngineOptions&) {
         return std::make_unique<Backend>(std::make_unique<FailingEngine>(appearance, failing_iteration, readable));
     };
     Progress progress(ProgressStyle::kSilent);
@@ -694,7 +694,7 @@ TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
     LaggingEngine* backend = nullptr;
     std::size_t num_images = 0;
     TrainHooks hooks;
-    hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions& options) {
+    hooks.make_backend = [&](const AppearanceSpec& appearance, const EngineOptions& options) {
         EXPECT_EQ(options.image_budget, std::int64_t(1) << 20);
         EXPECT_TRUE(options.deterministic);
         auto engine = std::make_unique<LaggingEngine>(appearance);

@@ -13,7 +13,7 @@
 #include "lib/train/train_log.h"
 #include "tests/io/file_helpers.h"
 #include "tests/io/limits.h"
-#include "tests/train/forwarding_engine.h"
+#include "tests/kernels/forwarding_engine.h"
 
 namespace gs::test {
 namespace {

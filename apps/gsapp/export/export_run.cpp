@@ -322,7 +322,7 @@ double packed_psnr(SavedRun& run, const PackedScene& scene) {
     options.correction = run.correction;
     Gaussians model = packed_geometry(scene);
     model.ppisp = run.backend->download_ppisp();
-    const auto backend = make_backend(run.options.device, model.appearance, backend_options(run.options));
+    const auto backend = make_backend(run.options.device, model.appearance, engine_options(run.options));
     double psnr = 0;
     for (const View& view : views) {
         set_packed_colors(scene, camera_params<double>(view.camera).position, model);

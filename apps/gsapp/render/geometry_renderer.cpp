@@ -50,7 +50,7 @@ Eigen::Vector3d shortest_axis(const Gaussians& model, std::int64_t i) {
 GeometryRenderer::GeometryRenderer(const SavedRun& run)
     : scale_(run.scene.frame.scale),
       model_(geometry_of(run.backend->download(false))),
-      backend_(make_backend(run.options.device, model_.appearance, backend_options(run.options))) {}
+      backend_(make_backend(run.options.device, model_.appearance, engine_options(run.options))) {}
 
 RenderedImage GeometryRenderer::render(const Camera& camera, bool median) {
     backend_->upload(model_);

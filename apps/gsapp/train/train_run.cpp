@@ -266,7 +266,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
         log_warning("--eval: there are no test views ({})", scene.split_rule);
     if (live) hooks = watched(std::move(hooks), *live);
     if (team || options.batch.value_or(1) > 1)
-        hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions& backend) {
+        hooks.make_backend = [&](const AppearanceSpec& appearance, const EngineOptions& backend) {
             return make_ranked_backend(team, options, scene, appearance, backend);
         };
     const auto lock = start.lock;

@@ -17,7 +17,7 @@
 #include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
 #include "tests/eval/support/fake_engine.h"
-#include "tests/train/forwarding_engine.h"
+#include "tests/kernels/forwarding_engine.h"
 
 namespace gs {
 namespace {

@@ -2,7 +2,7 @@
 // An engine that renders one given colour per camera, so that evaluation can be tested without a model.
 #pragma once
 
-#include "tests/train/forwarding_engine.h"
+#include "tests/kernels/forwarding_engine.h"
 
 namespace gs::test {
 

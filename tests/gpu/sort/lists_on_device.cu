@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/gpu/sort/lists_on_device.h"
 
-#include "kernels/backends/wire_splats_cuda.h"
+#include "kernels/engines/wire_splats_cuda.h"
 
 namespace gs::test {
 namespace {

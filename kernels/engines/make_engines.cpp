@@ -25,7 +25,7 @@ template <class List> auto of_model(const List& list, const AppearanceSpec& appe
 
 }  // namespace
 
-std::unique_ptr<Engine> make_cpu_engine(const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Engine> make_cpu_engine(const AppearanceSpec& appearance, const EngineOptions& options) {
     return of_model(kCpuEngines, appearance)(options);
 }
 
@@ -36,7 +36,7 @@ std::vector<double> render_in_double(const Gaussians& model, const RenderRequest
 std::string cuda_architectures() { return GSAPP_CUDA_ARCHITECTURES; }
 
 #ifdef GSAPP_WITH_CUDA
-std::unique_ptr<Engine> make_cuda_engine(const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Engine> make_cuda_engine(const AppearanceSpec& appearance, const EngineOptions& options) {
     if (!cuda_available()) throw DeviceError("no CUDA device: " + cuda_unavailable_reason() + "; use --device cpu");
     return of_model(kCudaEngines, appearance)(options);
 }
@@ -52,7 +52,7 @@ std::string cuda_unavailable_reason() { return "this gsapp was built without CUD
 std::unique_ptr<TensorEngine> make_cuda_tensor_engine() {
     throw DeviceError(cuda_unavailable_reason() + "; use --device cpu");
 }
-std::unique_ptr<Engine> make_cuda_engine(const AppearanceSpec&, const BackendOptions&) {
+std::unique_ptr<Engine> make_cuda_engine(const AppearanceSpec&, const EngineOptions&) {
     throw DeviceError(cuda_unavailable_reason() + "; use --device cpu");
 }
 #endif

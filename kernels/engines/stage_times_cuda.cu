@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What stages took and did.
-#include "kernels/backends/stage_times_cuda.h"
+#include "kernels/engines/stage_times_cuda.h"
 
 #include <algorithm>
 

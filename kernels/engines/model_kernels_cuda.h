@@ -79,6 +79,6 @@ struct ModelKernels {
 };
 
 /// Makes the CUDA backend of a model with these kernels.
-std::unique_ptr<Engine> make_cuda_engine(const ModelKernels& kernels, const BackendOptions& options);
+std::unique_ptr<Engine> make_cuda_engine(const ModelKernels& kernels, const EngineOptions& options);
 
 }  // namespace gs

@@ -4,8 +4,8 @@
 #pragma once
 
 #include "appearance/warp_appearance_cuda.cuh"
-#include "kernels/backends/model_kernels_cuda.h"
-#include "kernels/backends/row_copies_cuda.cuh"
+#include "kernels/engines/model_kernels_cuda.h"
+#include "kernels/engines/row_copies_cuda.cuh"
 #include "kernels/optimizer/write_rows_cuda.cuh"
 #include "kernels/sort/place_splat_cuda.cuh"
 

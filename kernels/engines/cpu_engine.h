@@ -7,11 +7,11 @@
 #include <utility>
 
 #include "appearance/model_info.h"
-#include "kernels/backends/cpu_rasterizer.h"
 #include "kernels/base/ceilings.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/residual_handles.h"
 #include "kernels/engine.h"
+#include "kernels/engines/cpu_rasterizer.h"
 #include "kernels/loss/loss.h"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/ppisp/ppisp.h"
@@ -22,7 +22,7 @@ namespace gs {
 template <class Model> class CpuEngine : public Engine {
   public:
     /// Takes only the cutoffs of `options`. Every sum has a fixed order here, and images stay where they are.
-    explicit CpuEngine(const BackendOptions& options)
+    explicit CpuEngine(const EngineOptions& options)
         : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {
         traits_ = {.device = "CPU, " + std::to_string(num_threads()) + " threads", .ceilings = &cpu_ceilings};
     }
@@ -194,7 +194,7 @@ template <class Model> class CpuEngine : public Engine {
         return loss_.half_squared_error((corrected ? corrected_ : image_).data(), r.target, r.background,
                                         dL_dimage_.data());
     }
-    void add_scores(const RenderRequest& r, const SplatParts& splats, const SumParts<double>& scores) override {
+    void scores_of_splats(const RenderRequest& r, const SplatParts& splats, const SumParts<double>& scores) override {
         const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
         image_.resize(3 * pixels);
         transmittance_.resize(pixels);
@@ -203,14 +203,14 @@ template <class Model> class CpuEngine : public Engine {
         raster_.add_scores(image_.data(), transmittance_.data(), all);
         write_sums(splats, scores, [&](std::int64_t i, double& out) { out = all[i]; });
     }
-    void add_residual_sums(const StepRequest& r, const SplatParts& splats,
-                           const SumParts<ResidualSplatSums>& sums) override {
+    void residual_sums_of_splats(const StepRequest& r, const SplatParts& splats,
+                                 const SumParts<ResidualSplatSums>& sums) override {
         std::vector<Vec3<float>> gradients(num_splats(splats));
         half_squared_error(r, splats);
         backward(is_corrected(state_.ppisp, r.isp));
         parallel_for_rows(std::int64_t(gradients.size()),
                           [&](std::int64_t i) { gradients[i] = raster_.color_gradient(i); });
-        loss_.weights(r.target, dL_dimage_.data());
+        loss_.mask_weights(r.target, dL_dimage_.data());
         raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
         write_sums(splats, sums, [&](std::int64_t i, ResidualSplatSums& out) {
             out = {raster_.color_gradient(i).x, gradients[i]};

@@ -6,7 +6,7 @@
 
 namespace gs::test {
 
-/// Passes every call on to another engine.
+/// Passes every call on to another engine, but for what an engine need not have (scores, residual_scores).
 class ForwardingEngine : public Engine {
   public:
     explicit ForwardingEngine(const AppearanceSpec& appearance) : inner_(make_cpu_engine(appearance)) {
@@ -48,12 +48,13 @@ class ForwardingEngine : public Engine {
     double half_squared_error(const StepRequest& request, const SplatParts& splats) override {
         return inner_->half_squared_error(request, splats);
     }
-    void add_scores(const RenderRequest& request, const SplatParts& splats, const SumParts<double>& scores) override {
-        inner_->add_scores(request, splats, scores);
+    void scores_of_splats(const RenderRequest& request, const SplatParts& splats,
+                          const SumParts<double>& scores) override {
+        inner_->scores_of_splats(request, splats, scores);
     }
-    void add_residual_sums(const StepRequest& request, const SplatParts& splats,
-                           const SumParts<ResidualSplatSums>& sums) override {
-        inner_->add_residual_sums(request, splats, sums);
+    void residual_sums_of_splats(const StepRequest& request, const SplatParts& splats,
+                                 const SumParts<ResidualSplatSums>& sums) override {
+        inner_->residual_sums_of_splats(request, splats, sums);
     }
 
     void step(const StepRequest& request) override { inner_->step(request); }

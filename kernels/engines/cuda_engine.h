@@ -11,15 +11,15 @@
 #include <functional>
 #include <limits>
 
-#include "kernels/backends/images_cuda.h"
-#include "kernels/backends/instance_forecast.h"
-#include "kernels/backends/model_kernels_cuda.h"
-#include "kernels/backends/stage_times_cuda.h"
-#include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/blend/blend_cuda.h"
 #include "kernels/cuda/device_stream_cuda.h"
 #include "kernels/densify/densify_cuda.h"
 #include "kernels/engine.h"
+#include "kernels/engines/images_cuda.h"
+#include "kernels/engines/instance_forecast.h"
+#include "kernels/engines/model_kernels_cuda.h"
+#include "kernels/engines/stage_times_cuda.h"
+#include "kernels/engines/wire_splats_cuda.h"
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/optimizer/lazy_cuda.h"
 #include "kernels/ppisp/ppisp_cuda.h"
@@ -36,7 +36,7 @@ struct StepStatus {
 /// The engine of one model on the current device.
 class CudaEngine final : public Engine {
   public:
-    CudaEngine(const ModelKernels& kernels, const BackendOptions& options);
+    CudaEngine(const ModelKernels& kernels, const EngineOptions& options);
     ~CudaEngine() override;
 
     // the model
@@ -69,9 +69,10 @@ class CudaEngine final : public Engine {
     void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RowCounts>& of_ranks,
                        DeviceArray<WireSplat>& out) override;
     double half_squared_error(const StepRequest& request, const SplatParts& splats) override;
-    void add_scores(const RenderRequest& request, const SplatParts& splats, const SumParts<double>& scores) override;
-    void add_residual_sums(const StepRequest& request, const SplatParts& splats,
-                           const SumParts<ResidualSplatSums>& sums) override;
+    void scores_of_splats(const RenderRequest& request, const SplatParts& splats,
+                          const SumParts<double>& scores) override;
+    void residual_sums_of_splats(const StepRequest& request, const SplatParts& splats,
+                                 const SumParts<ResidualSplatSums>& sums) override;
     void loss_of_splats(const StepRequest& request, const SplatParts& splats, const SumParts<SplatSums<float>>& sums,
                         std::vector<float>& isp_gradient, ViewReport* report) override;
     void update_rows(const DeviceArray<ViewReport>& reports, const std::vector<StepRequest>& views,
@@ -144,7 +145,8 @@ class CudaEngine final : public Engine {
     /// Enqueues the forward pass, and completes `args` with the buffers that it lays out.
     CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward,
                              std::int64_t most = std::numeric_limits<std::int64_t>::max());
-    /// Enqueues a view, making room until it fits, and waits.
+    /// Enqueues a view, making room until it fits, and waits. A view of the engine's own Gaussians takes all missed
+    /// steps first.
     CudaBins forward_whole(const std::function<CudaBins()>& enqueue);
     CudaBins forward_whole(const RenderRequest& request, bool for_backward = false);
     CudaBins forward_whole(const SplatParts& splats, const RenderRequest& request, bool for_backward);
@@ -155,7 +157,8 @@ class CudaEngine final : public Engine {
     TargetImage enqueue_half_squared_error(const StepRequest& r, double* error);
     /// Enqueues the loss of the view that was rendered last, down to the gradient of the rendered image.
     void enqueue_loss(const StepRequest& r, const DeviceTarget& target);
-    /// Turns dL_dimage_ into the sums of the view's `n` splats.
+    /// Turns dL_dimage_ into the sums of the view's `n` splats. With a fixed order, those without an instance are
+    /// undefined.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
     /// Decides on a step on the device, by the reports on its views.
     void decide(const DeviceArray<ViewReport>& reports);
@@ -190,7 +193,7 @@ class CudaEngine final : public Engine {
     /// Forgets all steps in flight, none of which has changed anything.
     void abandon_steps();
     PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const;
-    /// Returns the arguments of a frame, for which all missed steps are taken first.
+    /// Returns the arguments of a frame of up-to-date rows (settle()).
     PreprocessArgs frame_args(const RenderRequest& request);
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
     /// Changes the set of rows by fn(), after all rows have taken all steps.
@@ -199,7 +202,7 @@ class CudaEngine final : public Engine {
     void settle();
 
     const ModelKernels kernels_;
-    const BackendOptions options_;
+    const EngineOptions options_;
     const Cutoffs<float> cutoffs_;
     cudaStream_t stream_ = nullptr;
     LaunchGraph step_graph_;
@@ -226,7 +229,7 @@ class CudaEngine final : public Engine {
     CudaBlend blend_;
     CudaLoss loss_;
 
-    /// What only a training over several ranks uses (cuda_shard.cu).
+    /// What only a training over several ranks uses (cuda_engine_splats.cu).
     struct {
         CameraParams<float> camera{};  ///< of the projection that was begun
         bool for_step = false;

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <utility>
 
-#include "kernels/backends/cuda_engine.h"
-#include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/base/parallel.h"
 #include "kernels/densify/rows_cuda.h"
+#include "kernels/engines/cuda_engine.h"
+#include "kernels/engines/wire_splats_cuda.h"
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/optimizer/sum_rows_cuda.h"
 
@@ -266,7 +266,7 @@ double CudaEngine::half_squared_error(const StepRequest& r, const SplatParts& sp
     return error.download(1)[0];
 }
 
-void CudaEngine::add_scores(const RenderRequest& r, const SplatParts& splats, const SumParts<double>& scores) {
+void CudaEngine::scores_of_splats(const RenderRequest& r, const SplatParts& splats, const SumParts<double>& scores) {
     CudaScores sums(std::int64_t(num_splats(splats)), stream_);
     const CudaBins bins = forward_whole(splats, {r.camera, r.background, RenderMode::kFull, r.isp}, false);
     const SlotMap slots = binning_.slots();
@@ -276,8 +276,8 @@ void CudaEngine::add_scores(const RenderRequest& r, const SplatParts& splats, co
     write_sums(splats, scores, [&](std::int64_t k, double& score) { score = values[std::size_t(k)]; });
 }
 
-void CudaEngine::add_residual_sums(const StepRequest& r, const SplatParts& splats,
-                                   const SumParts<ResidualSplatSums>& out) {
+void CudaEngine::residual_sums_of_splats(const StepRequest& r, const SplatParts& splats,
+                                         const SumParts<ResidualSplatSums>& out) {
     const auto n = std::int64_t(num_splats(splats));
     std::vector<SplatSums<float>> gradients, weights;
     if (n > 0) {
@@ -293,7 +293,7 @@ void CudaEngine::add_residual_sums(const StepRequest& r, const SplatParts& splat
         };
         download_sums(gradients);
         blend_.begin_again(stream_);
-        write_weights(target, dL_dimage_, stream_);
+        write_mask_weights(target, dL_dimage_, stream_);
         download_sums(weights);
     }
     write_sums(splats, out, [&](std::int64_t k, ResidualSplatSums& to) {

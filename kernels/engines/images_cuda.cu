@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Uploads images through pinned memory, and keeps those that the budget has room for.
-#include "kernels/backends/images_cuda.h"
+#include "kernels/engines/images_cuda.h"
 
 #include <algorithm>
 #include <cstring>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The host's side of the CUDA engine: lays out memory, launches the stages, repeats steps that did not fit.
-#include "kernels/backends/cuda_engine.h"
+#include "kernels/engines/cuda_engine.h"
 
 #include <algorithm>
 #include <cmath>
@@ -90,7 +90,7 @@ int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
 
 }  // namespace
 
-CudaEngine::CudaEngine(const ModelKernels& kernels, const BackendOptions& options)
+CudaEngine::CudaEngine(const ModelKernels& kernels, const EngineOptions& options)
     : kernels_(kernels),
       options_(options),
       cutoffs_(Cutoffs<float>::of(options.min_alpha, options.min_transmittance)),
@@ -786,7 +786,7 @@ std::optional<ResidualScores> CudaEngine::residual_scores(std::size_t num_views,
         backward();
         scores.keep_gradients(binning_.input().counts, sums_);
         blend_.begin_again(stream_);
-        write_weights(target, dL_dimage_, stream_);
+        write_mask_weights(target, dL_dimage_, stream_);
         backward();
         scores.add(params(), binning_.input().counts, splats_, sums_);
         GS_CUDA(cudaStreamSynchronize(stream_));  // the next image may take this one's place
@@ -824,7 +824,7 @@ PruneStats CudaEngine::prune(const PruneRequest& request) {
     return stats;
 }
 
-std::unique_ptr<Engine> make_cuda_engine(const ModelKernels& kernels, const BackendOptions& options) {
+std::unique_ptr<Engine> make_cuda_engine(const ModelKernels& kernels, const EngineOptions& options) {
     return std::make_unique<CudaEngine>(kernels, options);
 }
 

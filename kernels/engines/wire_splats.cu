@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One thread a splat. The tiles are found as in preprocessing, by the same code with the same flags, but for the
 // rounding of a conic that was scaled and scaled back.
-#include "kernels/backends/wire_splats_cuda.h"
+#include "kernels/engines/wire_splats_cuda.h"
 
 #include <algorithm>
 
