@@ -4,6 +4,7 @@
   - a source file or page that cites a specification outside of the repository
   - `docs/<page>.md`, or `docs/<page>.md#<anchor>`, without such a page or anchor
   - a relative link of a page without such a file or anchor
+  - a C++ or CUDA file that a page or a comment names and that is not there; notes of experiments may name what is gone
 
 Anchors are those of headings, as GitHub makes them, and of `<a id="...">`.
 Usage: check_citations.py SOURCE_FOLDER, or --self-test. Exit code 1 and a line for each fault if there are any."""
@@ -27,6 +28,11 @@ OUTSIDE = re.compile(
 )
 # One anchor or several: docs/page.md#one, #two.
 CITATION = re.compile(r"(?<![\w/.-])(docs/[\w./-]+\.md)((?:#[\w-]+(?:, #[\w-]+)*)?)")
+# A C++ or CUDA file of the project: its path, or the end of it. Names that begin with _ are endings.
+NAMED_SOURCE = re.compile(r"(?<![\w/.<>*-])((?:[\w-]+/)*[A-Za-z][\w-]*\.(?:cuh|cpp|cu|h))\b")
+COMMENT = re.compile(r"//.*")
+OF_OTHERS = {"nccl.h"}
+HISTORY = ("docs/lab/", "CHANGELOG.md")
 FENCE = re.compile(r"^\s*(```|~~~)")
 HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*\s*$")
 NAMED = re.compile(r"<a\s+(?:id|name)=[\"']([^\"']+)[\"']")
@@ -98,6 +104,16 @@ class Checker:
         elif anchor and page.suffix == ".md" and not self.has_anchor(page, anchor):
             self.faults.append(f"{where}: {cited}: no such anchor")
 
+    def check_sources_named(self, name, lines):
+        if name.startswith(HISTORY) or pathlib.PurePath(name).suffix in {".ts", ".glsl"}:
+            return
+        for number, line in enumerate(lines, 1):
+            comment = COMMENT.search(line)
+            text = line if name.endswith(".md") else comment[0] if comment else ""
+            for match in NAMED_SOURCE.finditer(text):
+                if match[1] not in self.endings | OF_OTHERS:
+                    self.faults.append(f"{name}:{number}: {match[1]}: no such file")
+
     def check_file(self, name):
         path = self.root / name
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -109,6 +125,7 @@ class Checker:
             for match in CITATION.finditer(line):
                 for anchor in match[2].split(", "):
                     self.check_target(f"{name}:{number}", self.root / match[1], anchor[1:], match[1] + anchor)
+        self.check_sources_named(name, lines)
         if path.suffix == ".md":
             prose = prose_of(text)
             for match in LINK.finditer(prose):  # may go over a line's end
@@ -125,7 +142,9 @@ class Checker:
             self.check_target(where, page.parent / target if target else page, anchor, link)
 
     def run(self):
-        names = [name for name in files_of(self.root) if pathlib.PurePath(name).suffix in SOURCES]
+        known = files_of(self.root)
+        self.endings = {name[at:] for name in known for at in [0] + [m.end() for m in re.finditer("/", name)]}
+        names = [name for name in known if pathlib.PurePath(name).suffix in SOURCES]
         for name in names:
             self.check_file(name)
         return self.faults if names else [f"{self.root}: no sources and no pages"]
@@ -159,6 +178,8 @@ BAD = [
     ("docs/other.md", '<a id="mark"></a>\n[a\npage](page.md#page)\n', "no such anchor"),
     ("docs/other.md", '<a id="mark"></a>\n![picture](images/gone.png)\n', "no such file"),
     ("README.md", "[docs](/docs/page.md)\n", "not relative"),
+    ("README.md", "`kernels/a.h` and `b.h`, `_cuda.cuh`\n", "b.h: no such file"),
+    ("lib/a.cpp", "// kernels/a.h, lib/a.h\nint x;  // nccl.h\n", "lib/a.h: no such file"),
 ]
 
 
