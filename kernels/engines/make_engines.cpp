@@ -9,7 +9,7 @@
 #include "kernels/reference_image.h"
 #include "kernels/tensors/tensor_engine.h"
 
-#include "backends.inc"
+#include "engines.inc"
 
 namespace gs {
 
