@@ -4,6 +4,7 @@
 #include "tests/kernels/backends.h"
 #include "tests/kernels/rank_threads.h"
 #include "tests/kernels/rank_views.h"
+#include "tests/kernels/ranks_on.h"
 
 namespace gs::test {
 namespace {
@@ -16,6 +17,15 @@ void on_device(int size, const RankViews& views, Fn&& use, bool fixed_order = fa
                                 {.deterministic = fixed_order, .packed_moments = packed_moments});
     });
 }
+
+struct TheDevice {
+    static constexpr double kPicture = 1e-5, kSums = 1e-4;
+    static std::unique_ptr<Engine> make_engine(const AppearanceSpec& appearance, bool fixed_order) {
+        return make_cuda_engine(appearance, {.deterministic = fixed_order});
+    }
+    static void skip() { skip_without_device(); }
+};
+INSTANTIATE_TYPED_TEST_SUITE_P(Gpu, RanksOn, TheDevice);
 
 class GpuRanks : public ::testing::TestWithParam<std::string> {
   protected:
@@ -94,47 +104,6 @@ class GpuRanksOfOneModel : public Gpu {
     const ModelInfo& info = appearance_model("sh");
 };
 
-TEST_F(GpuRanksOfOneModel, GiveBackTheModelThatTheyWereGiven) {
-    for (const std::int64_t rows : {std::int64_t(0), std::int64_t(1), kRows}) {
-        RankViews views(info, rows, rows / 3);
-        for (const int ranks : {1, 3})
-            on_device(ranks, views, [&](Backend& backend) {
-                backend.upload(views.model);
-                Gaussians after = backend.download(true);
-                expect_equal(views.model, after);
-            });
-    }
-}
-
-TEST_F(GpuRanksOfOneModel, RenderAndScoreAsOne) {
-    const RankViews views(info, kRows, 90);
-    const auto plain = make_cuda_backend(views.model.appearance, {});
-    plain->upload(views.model);
-    std::vector<RenderRequest> requests(kViews);
-    for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
-    const StepSource step_on = [&](std::size_t view) { return views.step(view); };
-    RenderedImage image;
-    plain->render(requests[1], image);
-    const auto scores = plain->scores(requests);
-    const ResidualScores residuals = plain->residual_scores(kViews, step_on);
-    const double error = plain->half_squared_error(views.step(2));
-    for (const int ranks : {1, 2, 3}) {
-        SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        on_device(ranks, views, [&](Backend& backend) {
-            backend.upload(views.model);
-            RenderedImage other;
-            backend.render(requests[1], other);
-            expect_close(image.rgb, other.rgb, 1e-5, "picture");
-            expect_close(image.alpha, other.alpha, 1e-5, "alpha");
-            expect_close(scores, backend.scores(requests), 1e-4, "scores");
-            const ResidualScores found = backend.residual_scores(kViews, step_on);
-            expect_close(residuals.worth, found.worth, 1e-3, "worth of residuals");
-            expect_close(residuals.mean_base, found.mean_base, 1e-4, "mean bases");
-            EXPECT_NEAR(backend.half_squared_error(views.step(2)), error, 1e-4 * error);
-        });
-    }
-}
-
 TEST_F(GpuRanksOfOneModel, RenderSplatsOfEqualDepthInTheOrderOfTheModel) {
     RankViews views(info, kRows, 90);
     auto& means = views.model[Group::kMean].param;
@@ -153,53 +122,6 @@ TEST_F(GpuRanksOfOneModel, RenderSplatsOfEqualDepthInTheOrderOfTheModel) {
             for (std::size_t k = 0; k < kViews; ++k) expect_close(expected[k].rgb, found[k].rgb, 1e-5, "picture");
         });
     }
-}
-
-TEST_F(GpuRanksOfOneModel, GrowAndPruneTogether) {
-    RankViews views(info, kRows, 90);
-    for (std::int64_t i = 0; i < kRows; i += 10) views.model[Group::kOpacity].param[i] = -20;
-    std::vector<RenderRequest> requests(kViews);
-    for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
-    for (const int ranks : {1, 2, 3})
-        on_device(ranks, views, [&](Backend& backend) {
-            backend.upload(views.model);
-            McmcParams mcmc;
-            mcmc.cap = kRows + 17;
-            EXPECT_EQ(backend.densify({mcmc, 1, 42}).count, kRows + 10);
-            EXPECT_EQ(backend.densify({mcmc, 2, 42}).count, kRows + 17);
-            const std::int64_t removed = backend.prune_lowest_scores(requests, 0.4);
-            EXPECT_EQ(backend.count(), kRows + 17 - removed);
-            EXPECT_GT(removed, 0);
-            backend.step_on(views.steps());
-            EXPECT_TRUE(std::isfinite(backend.take_stats().loss));
-        });
-}
-
-TEST_F(GpuRanksOfOneModel, SkipAStepWhoseLossIsNotFinite) {
-    RankViews views(info);
-    views.photographs[2][17] = std::nanf("");
-    for (const int ranks : {1, 3})
-        on_device(ranks, views, [&](Backend& backend) { expect_skipped_step(views, backend); });
-}
-
-TEST_F(GpuRanksOfOneModel, CountTheGradientsThatTheyLeaveOut) {
-    RankViews views(info);
-    const auto broken = hide_broken_rows(views);
-    for (const int ranks : {1, 3})
-        on_device(ranks, views, [&](Backend& backend) { expect_left_out_gradients(views, broken, backend); });
-}
-
-TEST_F(GpuRanksOfOneModel, StepOnViewsThatSomeDoNotRenderAndSomeDoNotShow) {
-    // More ranks than views and than rows: some project nothing, and some render nothing.
-    const RankViews views(info, 2, 1);
-    for (const int ranks : {1, 5})
-        on_device(ranks, views, [&](Backend& backend) {
-            backend.upload(views.model);
-            backend.step_on(views.steps());
-            backend.step_on({views.step(3)});
-            EXPECT_TRUE(std::isfinite(backend.take_stats().loss));
-            EXPECT_EQ(backend.download(true).step, kViews + 1);
-        });
 }
 
 TEST_F(GpuRanksOfOneModel, CountTheBytesThatRanksOfTheCpuCount) {
@@ -282,22 +204,6 @@ TEST_F(GpuRanksOfOneModel, KeepPlaceForViewsThatShowLittle) {
             if (what.find("moment") != std::string::npos) expect_close(x, y, tolerance, what);
         });
     }
-}
-
-TEST_F(GpuRanksOfOneModel, RepeatThemselvesToTheBit) {
-    const RankViews views(info, kRows, 90);
-    Gaussians first;
-    for (const bool again : {false, true})
-        on_device(
-            3, views,
-            [&](Backend& backend) {
-                Gaussians after = train_with_noise(views, backend);
-                if (again)
-                    expect_equal(first, after);
-                else
-                    first = after;
-            },
-            true);
 }
 
 }  // namespace

@@ -12,9 +12,19 @@
 #include "tests/kernels/backends.h"
 #include "tests/kernels/rank_threads.h"
 #include "tests/kernels/rank_views.h"
+#include "tests/kernels/ranks_on.h"
 
 namespace gs::test {
 namespace {
+
+struct TheCpu {
+    static constexpr double kPicture = 0, kSums = 1e-5;  // pictures are those of one rank to the bit
+    static std::unique_ptr<Engine> make_engine(const AppearanceSpec& appearance, bool) {
+        return make_cpu_engine(appearance);
+    }
+    static void skip() {}
+};
+INSTANTIATE_TYPED_TEST_SUITE_P(Cpu, RanksOn, TheCpu);
 
 class EveryModelOnRanks : public ::testing::TestWithParam<std::string> {
   protected:
@@ -97,12 +107,6 @@ INSTANTIATE_TEST_SUITE_P(Models, EveryModelOnRanks, ::testing::ValuesIn([] {
                              return name;
                          });
 
-const ModelInfo& some_model() {
-    for (const ModelInfo* info : appearance_models())
-        if (info->residual_width(info->max_degree_limit) > 0 && info->num_shared == 0) return *info;
-    throw std::logic_error("no model with a residual");
-}
-
 TEST(RankMessages, BringAllOfAStepThatIsNotInTheMemoryOfRank0) {
     StepRequest sent;
     sent.camera.width = 7, sent.background = {0.1f, 0.2f, 0.3f};
@@ -134,55 +138,6 @@ TEST(RankMessages, BringAllOfAStepThatIsNotInTheMemoryOfRank0) {
     EXPECT_TRUE(r.rates.shared == 3 && r.rates.isp == 4 && r.rates.noise == 5);
     EXPECT_TRUE(r.rates.center.z == 15 && r.rates.extent == 16 && r.rates.far == 17);
     EXPECT_TRUE(r.gather_gradient_stats && r.only_visible);
-}
-
-TEST(Ranks, GiveBackTheModelThatTheyWereGiven) {
-    for (const std::int64_t rows : {std::int64_t(0), std::int64_t(1), std::int64_t(3), kRows}) {
-        for (const std::int64_t num_residuals : {std::int64_t(0), rows / 3, rows}) {
-            RankViews views(some_model(), rows, num_residuals);
-            for (auto& group : views.model.groups) std::iota(group.m.begin(), group.m.end(), 1.0f);
-            for (const int ranks : {1, 2, 5}) {
-                SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(num_residuals) + " residuals, " +
-                             std::to_string(ranks) + " ranks");
-                with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](Backend& backend) {
-                    backend.upload(views.model);
-                    Gaussians after = backend.download(true);
-                    expect_equal(views.model, after);
-                    EXPECT_EQ(backend.count(), rows);
-                    EXPECT_EQ(backend.num_residuals(), num_residuals);
-                });
-            }
-        }
-    }
-}
-
-TEST(Ranks, RenderAndScoreAsOne) {
-    const RankViews views(some_model(), kRows, 90);
-    const auto plain = make_cpu_backend(views.model.appearance);
-    plain->upload(views.model);
-    std::vector<RenderRequest> requests(kViews);
-    for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
-    const StepSource step_on = [&](std::size_t view) { return views.step(view); };
-    RenderedImage image;
-    plain->render(requests[1], image);
-    const auto scores = plain->scores(requests);
-    const ResidualScores residuals = plain->residual_scores(kViews, step_on);
-    const double error = plain->half_squared_error(views.step(2));
-    for (const int ranks : {1, 2, 3}) {
-        SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
-            backend.upload(views.model);
-            RenderedImage other;
-            backend.render(requests[1], other);
-            EXPECT_EQ(image.rgb, other.rgb);
-            EXPECT_EQ(image.alpha, other.alpha);
-            expect_close(scores, backend.scores(requests), 1e-5, "scores");
-            const ResidualScores found = backend.residual_scores(kViews, step_on);
-            expect_close(residuals.worth, found.worth, 1e-4, "worth of residuals");
-            expect_close(residuals.mean_base, found.mean_base, 1e-5, "mean bases");
-            EXPECT_NEAR(backend.half_squared_error(views.step(2)), error, 1e-5 * error);
-        });
-    }
 }
 
 TEST(Ranks, RenderWithTheControllersThatWereTrained) {
@@ -371,31 +326,6 @@ TEST(Ranks, RemoveTheRowsThatOneWouldRemove) {
                             [&](Backend& backend) { EXPECT_EQ(remove(backend), expected) << ranks; });
 }
 
-TEST(Ranks, GrowToTheCapTogether) {
-    RankViews views(some_model(), kRows, 90);
-    for (std::int64_t i = 0; i < kRows; i += 10) views.model[Group::kOpacity].param[i] = -20;
-    for (const int ranks : {1, 2, 3, 4}) {
-        SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](Backend& backend) {
-            backend.upload(views.model);
-            McmcParams mcmc;
-            mcmc.cap = kRows + 17;
-            DensifyStats stats = backend.densify({mcmc, 1, 42});
-            EXPECT_EQ(stats.relocated, 22);
-            EXPECT_EQ(stats.added, 10) << "5 % of all, rounded once";
-            EXPECT_EQ(stats.count, backend.count());
-            EXPECT_EQ(backend.count(), kRows + 10);
-            EXPECT_EQ(backend.densify({mcmc, 2, 42}).count, kRows + 17);
-            EXPECT_EQ(backend.densify({mcmc, 3, 42}).count, kRows + 17);
-            Gaussians after = backend.download(true);
-            EXPECT_EQ(after.count, kRows + 17);
-            EXPECT_EQ(std::int64_t(after[Group::kMean].param.size()), 3 * after.count);
-            // What dead rows were relocated to is alive.
-            for (const float opacity : after[Group::kOpacity].param) EXPECT_GT(opacity, -6);
-        });
-    }
-}
-
 TEST(Ranks, CloneAndSplitUpToTheCap) {
     RankViews views(some_model(), kRows, 90);
     views.model.gradient_sum.assign(kRows, 1.0f), views.model.gradient_count.assign(kRows, 1.0f);
@@ -413,52 +343,6 @@ TEST(Ranks, CloneAndSplitUpToTheCap) {
             EXPECT_THROW(backend.densify({adc, 2, 42}), UsageError);
         });
     }
-}
-
-TEST(Ranks, TrainWhereSomeHaveNothing) {
-    const RankViews views(some_model(), 2, 1);
-    Gaussians one;
-    for (const int ranks : {1, 5}) {
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
-            backend.upload(views.model);
-            backend.step_on(views.steps());
-            backend.densify({McmcParams{}, 1, 42});
-            EXPECT_EQ(backend.count(), 3);
-            backend.step_on({views.step(3)});  // fewer views than ranks
-            backend.morton_sort();
-            EXPECT_TRUE(std::isfinite(backend.take_stats().loss));
-            EXPECT_EQ(backend.download(true).step, kViews + 1);
-        });
-    }
-}
-
-TEST(Ranks, SkipAStepWhoseLossIsNotFinite) {
-    RankViews views(some_model());
-    views.photographs[2][17] = std::nanf("");
-    for (const int ranks : {1, 3})
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(),
-                            [&](Backend& backend) { expect_skipped_step(views, backend); });
-}
-
-TEST(Ranks, CountTheGradientsThatTheyLeaveOut) {
-    RankViews views(some_model());
-    const auto broken = hide_broken_rows(views);
-    for (const int ranks : {1, 3})
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(),
-                            [&](Backend& backend) { expect_left_out_gradients(views, broken, backend); });
-}
-
-TEST(Ranks, RepeatThemselvesToTheBit) {
-    const RankViews views(some_model(), kRows, 90);
-    Gaussians first;
-    for (const bool again : {false, true})
-        with_ranked_backend(3, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
-            Gaussians after = train_with_noise(views, backend);
-            if (again)
-                expect_equal(first, after);
-            else
-                first = after;
-        });
 }
 
 }  // namespace
