@@ -45,14 +45,14 @@ struct RandomTarget {
         for (std::size_t i = 0; i < std::size_t(width) * height; ++i)
             if (int(i % std::size_t(width)) >= x) (u8.empty() ? void(f32[4 * i + 3] = 0) : void(u8[4 * i + 3] = 0));
     }
-    TargetImage image(std::int64_t id = -1) const {
+    TargetImage image(int view = -1) const {
         return {width,
                 height,
                 channels,
                 u8.empty() ? nullptr : u8.data(),
                 f32.empty() ? nullptr : f32.data(),
                 mask.empty() ? nullptr : mask.data(),
-                id};
+                {view}};
     }
 };
 

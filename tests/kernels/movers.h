@@ -87,7 +87,7 @@ inline std::vector<StepRequest> narrow_steps(const RankViews& views, bool only_v
     std::vector<StepRequest> steps;
     for (std::size_t k = 0; k < num_views; ++k) {
         steps.push_back(narrow_step(views, only_visible, k));
-        steps.back().opacity_reg = steps.back().scale_reg = 0.5f;
+        steps.back().loss.opacity_reg = steps.back().loss.scale_reg = 0.5f;
     }
     return steps;
 }
