@@ -73,7 +73,7 @@ TEST_F(GpuSteps, OnTheirOwnPictureHaveNothingToLearn) {
         const std::size_t plane = image.rgb.size() / 3;
         for (std::size_t i = 0; i < plane; ++i)
             for (std::size_t c = 0; c < 3; ++c) pixels.push_back(image.rgb[c * plane + i]);
-        r.target = {image.width, image.height, 3, nullptr, pixels.data()};
+        r.target = {image.width, image.height, 3, nullptr, pixels.data(), nullptr, {}};
         gpu->step(r);
         gpu->synchronize();
         const StepStats stats = gpu->take_stats();
@@ -159,7 +159,7 @@ TEST(LazyAdam, MissedStepsEqualPlainAdam) {
     wide.camera = narrow.camera = cast<float>(test_camera(kWidth, kHeight));
     narrow.camera.fx *= 6, narrow.camera.fy *= 6;  // sees a part of the Gaussians
     for (StepRequest* r : {&wide, &narrow}) {
-        r->target = {kWidth, kHeight, 3, target.data(), nullptr, nullptr};
+        r->target = {kWidth, kHeight, 3, target.data(), nullptr, nullptr, {}};
         r->gather_gradient_stats = true;
         r->loss.opacity_reg = r->loss.scale_reg = 0;
         for (double& rate : r->rates.groups) rate = 1e-6;

@@ -50,7 +50,7 @@ struct Frames {
     StepRequest step(int frame, IspMode mode, double isp_rate) const {
         StepRequest r;
         r.camera = cameras[frame];
-        r.target = {kWidth, kHeight, 3, nullptr, targets[frame].data()};
+        r.target = {kWidth, kHeight, 3, nullptr, targets[frame].data(), nullptr, {}};
         r.loss.opacity_reg = r.loss.scale_reg = 0;
         r.isp.mode = mode, r.isp.frame = frame, r.rates.isp = isp_rate;
         return r;
