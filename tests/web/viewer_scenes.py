@@ -53,7 +53,7 @@ def header(count, cameras, model=1, features=0, quarters=0):
     )
 
 
-def box_ply(count=6000, stray=60, comment=None):
+def box_ply(count=1500, stray=15, comment=None):
     """A box as other programs write it, y down, its faces red towards -z, blue towards z, white up and green down; and
     some Gaussians far away."""
     rng = random.Random(4)
@@ -68,7 +68,7 @@ def box_ply(count=6000, stray=60, comment=None):
     rows = b""
     for i in range(count + stray):
         (axis, side), color = faces[i % 6]
-        at, size = [rng.uniform(-1, 1) for _ in range(3)], -3.2
+        at, size = [rng.uniform(-1, 1) for _ in range(3)], -2.5
         at[axis] = side
         if i >= count:
             at, color, size = [400 * x for x in unit([rng.gauss(0, 1) for _ in range(3)])], (0.5, 0.5, 0.5), 0
