@@ -52,6 +52,11 @@ KEEP_PICTURES = """(async () => {
   return pictures.map((pixels) => pixels.reduce((most, v, i) => i %% 4 < 3 ? Math.max(most, v) : most, 0));
 })()"""
 
+# From here on the page draws where it must, but not once more after every picture that a test asks for, as in software
+# each takes a second; and later it draws what it left out.
+HOLD_FRAMES = "{ window.askForFrame ??= requestAnimationFrame; window.held ??= []; window.requestAnimationFrame = (draw) => held.push(draw); }"
+LET_FRAMES = "{ window.requestAnimationFrame = askForFrame; held.splice(0).forEach((draw) => askForFrame(draw)); }"
+
 
 class Handler(http.server.SimpleHTTPRequestHandler):
     def log_message(self, *_):

@@ -16,7 +16,7 @@ import tempfile
 import zlib
 
 from browser import Browser, find_chromium, check
-from site_server import FEWER_PIXELS, SOFTWARE_WEBGPU, Site, open_viewer, wait_for
+from site_server import FEWER_PIXELS, HOLD_FRAMES, LET_FRAMES, SOFTWARE_WEBGPU, Site, open_viewer, wait_for
 from viewer_scenes import BACKGROUND, drop, header, message, padded, scene_file, trailer, unit
 
 # 56.3 and more were measured. A dilation of 0.28 in place of 0.3 in one way gives 44.7, a sort that leaves out the
@@ -66,11 +66,6 @@ HOLD_FILES = """(() => {
   const { stream } = Blob.prototype, go = new Promise((resolve) => (window.letGo = resolve));
   Blob.prototype.stream = function () { return this.name !== 'next.ngsplat' ? stream.call(this) : stream.call(this).pipeThrough(new TransformStream({ transform: async (part, to) => (await go, to.enqueue(part)) })); };
 })()"""
-
-# From here on the page draws where it must, but not once more after every picture that a test asks for, as in software
-# each takes a second; and later it draws what it left out.
-HOLD_FRAMES = "{ window.askForFrame ??= requestAnimationFrame; window.held ??= []; window.requestAnimationFrame = (draw) => held.push(draw); }"
-LET_FRAMES = "{ window.requestAnimationFrame = askForFrame; held.splice(0).forEach((draw) => askForFrame(draw)); }"
 
 # A browser that says less of its device.
 HIDE_DEVICE = """if (globalThis.GPUAdapter) {
