@@ -156,7 +156,7 @@ def shortened(words):
     if trains and "--resume" not in words:
         out += ["--device", "cpu", "-r", "8", "--init-points", "500"]
         if not {"--time-limit", "--iterations", "--max_steps"} & set(words) or words[0] == "tradeoff":
-            out += ["--iterations", "30"]
+            out += ["--iterations", "10"]
         if "--ppisp" in words:
             out += ["--controller-iterations", "5"]
     if words[:2] == ["bench", "suite"] and "--appearances" not in words:

@@ -113,6 +113,7 @@ class Browser:
         self.session = None
         self.errors, self.requests, self.events = [], [], []
         self.chooser = None  # the input for which the page has asked for a file
+        self.downloads = 0  # files saved, if the browser was asked to tell of them
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
@@ -147,6 +148,8 @@ class Browser:
         elif method == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):
             if not any(text in params["entry"]["text"] for text in OF_MACHINE):
                 self.errors.append(params["entry"]["text"])
+        elif method == "Browser.downloadProgress" and params["state"] == "completed":
+            self.downloads += 1
         elif method == "Page.fileChooserOpened":
             self.chooser = params["backendNodeId"]
         elif method == "Network.requestWillBeSent":

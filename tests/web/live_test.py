@@ -345,7 +345,7 @@ def main():
                     print("skipped: the viewer is not built (scripts/build-viewer)")
                     return 77
                 raise
-            with Browser(chromium, flags=SOFTWARE_WEBGPU) as browser:
+            with Browser(chromium, width=800, height=600, flags=SOFTWARE_WEBGPU) as browser:
                 browser.open(address)
                 if browser.evaluate("navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"):
                     browser.open(address + "&gpu=webgpu")  # which the comparison leaves

@@ -5,13 +5,23 @@ import functools
 import http.server
 import threading
 import time
+import urllib.parse
 import zlib
 
 from browser import PATIENCE, check
 
-# Software takes longer for more pixels, so that windows are small where models are drawn by it. From 705 pixels on the
-# panel stands beside the picture.
-SOFTWARE_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+# Software takes longer for more pixels, so that windows are small where models are drawn by it (from 705 pixels on the
+# panel stands beside the picture), and a pixel of the device is as large as four of CSS. The page itself is drawn
+# without what stands in for a GPU. What moves is where it goes to at once, as for people who ask for less motion, and
+# is not drawn many times on its way: tests of motion call move_as_usual.
+FEWER_PIXELS = "--force-device-scale-factor=0.5"
+SOFTWARE_WEBGL = (
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-rasterization",
+    "--force-prefers-reduced-motion",
+    FEWER_PIXELS,
+)
 # The same with WebGPU; without Vulkan it loses its device when a canvas is shown.
 SOFTWARE_WEBGPU = (
     *SOFTWARE_WEBGL,
@@ -42,6 +52,11 @@ KEEP_PICTURES = """(async () => {
   return pictures.map((pixels) => pixels.reduce((most, v, i) => i %% 4 < 3 ? Math.max(most, v) : most, 0));
 })()"""
 
+# From here on the page draws where it must, but not once more after every picture that a test asks for, as in software
+# each takes a second; and later it draws what it left out.
+HOLD_FRAMES = "{ window.askForFrame ??= requestAnimationFrame; window.held ??= []; window.requestAnimationFrame = (draw) => held.push(draw); }"
+LET_FRAMES = "{ window.requestAnimationFrame = askForFrame; held.splice(0).forEach((draw) => askForFrame(draw)); }"
+
 
 class Handler(http.server.SimpleHTTPRequestHandler):
     def log_message(self, *_):
@@ -64,7 +79,17 @@ class Handler(http.server.SimpleHTTPRequestHandler):
             time.sleep(1)  # what a browser has not handed on is lost with the connection
         self.close_connection = True
 
+    def send_blank(self):
+        page = b"<!doctype html><title>Blank</title><link rel='icon' href='data:,'>"
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.send_header("Content-Length", str(len(page)))
+        self.end_headers()
+        self.wfile.write(page)
+
     def do_GET(self):
+        if self.path == "/blank.html":
+            return self.send_blank()
         if self.path == "/broken.ngsplat":
             return self.send_broken()
         if self.path != "/slow.ngsplat":
@@ -121,3 +146,15 @@ def open_viewer(browser, url):
     """Until the first model is shown, or could not be."""
     browser.open(url)
     wait_for(browser, "window.gsapp", f"{url} is loaded")
+
+
+def fresh(browser, url):
+    """Another page in between, as browsers do not load again what differs in its fragment alone: one of the same site,
+    for another site the browser would start another process."""
+    browser.open(urllib.parse.urljoin(url, "/blank.html"))
+    open_viewer(browser, url)
+
+
+def move_as_usual(browser, motion="no-preference"):
+    """From here on what moves glides; with "" no more."""
+    browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-reduced-motion", "value": motion}])

@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 from browser import Browser, find_chromium, check
-from site_server import KEEP_PICTURES, PSNR, SOFTWARE_WEBGPU, Site, open_viewer
+from site_server import HOLD_FRAMES, KEEP_PICTURES, PSNR, SOFTWARE_WEBGPU, Site, open_viewer
 
 # View dependence begins at iteration 1000.
 TRAIN = [
@@ -50,6 +50,7 @@ def run(*arguments, **options):
 
 
 def compare(browser, way):
+    browser.evaluate(HOLD_FRAMES)
     pictures = [(mode, view) for mode in ("full", "residual") for view in VIEWS]
     brightnesses = browser.evaluate(KEEP_PICTURES % json.dumps(pictures))
     for k, ((mode, view), brightest) in enumerate(zip(pictures, brightnesses, strict=True)):

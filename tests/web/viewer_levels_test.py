@@ -10,8 +10,9 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import time
 
-from browser import Browser, find_chromium, check, check_accessible
+from browser import PATIENCE, Browser, find_chromium, check, check_accessible
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
 SCENE = [
@@ -32,6 +33,22 @@ SCENE = [
     "190",
     "--cap-max",
     "17000",
+]
+# Enough for the names of its views.
+SMALL_SCENE = [
+    "-s",
+    "builtin:glossy",
+    "-r",
+    "8",
+    "--device",
+    "cpu",
+    "--quiet",
+    "--appearance",
+    "none",
+    "--iterations",
+    "20",
+    "--init-points",
+    "500",
 ]
 PIXELS = "gsapp.testViewPixels(2, 'full').then(v => v.pixels.join())"
 
@@ -98,6 +115,13 @@ def move(browser, frames):
         }}
     }})()"""
     )
+
+
+def move_until(browser, frames, is_over):
+    """Turns the camera by so many frames again and again."""
+    deadline = time.monotonic() + PATIENCE
+    while not is_over() and time.monotonic() < deadline:
+        move(browser, frames)
 
 
 def check_choice(browser, site, levels):
@@ -184,7 +208,7 @@ CLOCK = """{ const now = performance.now.bind(performance); let at = now(), show
 
 def be_fast(browser):
     """A small picture beside the scene, in software, and a clock that takes it for one on a fast device."""
-    browser.call("Emulation.setDeviceMetricsOverride", width=120, height=90, deviceScaleFactor=1, mobile=False)
+    browser.call("Emulation.setDeviceMetricsOverride", width=120, height=90, deviceScaleFactor=0.5, mobile=False)
     browser.evaluate("location.hash = '#from=9,9,9&to=18,18,18'")
     browser.evaluate("window.rate = 0.01")
 
@@ -193,17 +217,11 @@ def check_speed(browser, site, levels):
     fresh(browser, site.url, CLOCK)
     wait_for_state(browser, "all of them")
     browser.evaluate("window.rate = 20")
-    for _ in range(30):
-        move(browser, 1)
-        if "all of them" not in state(browser):
-            break
+    move_until(browser, 1, lambda: "all of them" not in state(browser))
     wait_for_state(browser, "too slow")
     check(count(browser) == levels[1]["num_gaussians"], f"slow frames bring a coarser level: {count(browser)}")
     be_fast(browser)
-    for _ in range(150):
-        move(browser, 20)
-        if "too slow" not in state(browser):
-            break
+    move_until(browser, 20, lambda: "too slow" not in state(browser))
     wait_for_state(browser, "all of them")
     check(count(browser) == levels[0]["num_gaussians"], "frames that stay fast bring all of it back")
     browser.call("Emulation.clearDeviceMetricsOverride")
@@ -229,8 +247,7 @@ def check_lost_device(browser, site, levels):
     wait_for_state(browser, "little memory")
     check(count(browser) == levels[1]["num_gaussians"], f"a coarser one: {count(browser)}")
     be_fast(browser)
-    for _ in range(30):
-        move(browser, 20)
+    move(browser, 320)  # after 300 fast frames a finer level is shown where only speed counts
     check(
         "little memory" in state(browser) and count(browser) == levels[1]["num_gaussians"],
         f"what it could not hold stays away: {state(browser)}",
@@ -263,7 +280,7 @@ def check_obstacles(browser, site, folder, levels):
 
 def check_training_views(browser, gsapp, folder):
     """A run without test views offers its training views."""
-    run_gsapp(gsapp, "train", *SCENE, "-m", folder / "all")
+    run_gsapp(gsapp, "train", *SMALL_SCENE, "-m", folder / "all")
     run_gsapp(gsapp, "export", folder / "all", "-o", folder / "all-site")
     site = Site(folder / "all-site")
     fresh(browser, site.url)

@@ -12,14 +12,14 @@ import tempfile
 import urllib.parse
 
 from browser import Browser, find_chromium, check
-from site_server import KEEP_PICTURES, PSNR, SOFTWARE_WEBGPU, Site, open_viewer, wait_for
+from site_server import HOLD_FRAMES, KEEP_PICTURES, PSNR, SOFTWARE_WEBGPU, Site, open_viewer, wait_for
 from viewer_scenes import drop
 
 # Arguments of gsapp train. All degrees of sh and neural have joined at a tenth of a run.
 GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--init-points", "500", "--cap-max", "800", "--iterations", "600"]
 SHORT = [*GLOSSY[:-1], "300"]  # a network shows something sooner than bands and lobes, and takes longer
 CASES = {
-    "none": GLOSSY,
+    "none": [*GLOSSY[:-1], "100"],
     "sh": GLOSSY,
     "sv": GLOSSY,
     "nasg": GLOSSY,
@@ -99,6 +99,7 @@ def show(browser, site, case, way):
 def compare(browser, site, case, way):
     show(browser, site, case, way)
     check(browser.evaluate("gsapp.way") == {"webgl": "WebGL2", "webgpu": "WebGPU"}[way], f"{case}: {way} draws it")
+    browser.evaluate(HOLD_FRAMES)
     pictures = [(mode, view) for mode in MODES for view in VIEWS[way]]
     brightest = browser.evaluate(KEEP_PICTURES % json.dumps(pictures))
     for (mode, view), seen in zip(pictures, brightest, strict=True):

@@ -53,7 +53,7 @@ def header(count, cameras, model=1, features=0, quarters=0):
     )
 
 
-def box_ply(stray=60, comment=None):
+def box_ply(count=1500, stray=15, comment=None):
     """A box as other programs write it, y down, its faces red towards -z, blue towards z, white up and green down; and
     some Gaussians far away."""
     rng = random.Random(4)
@@ -66,11 +66,11 @@ def box_ply(stray=60, comment=None):
         ((0, 1), (1, 0, 1)),
     ]
     rows = b""
-    for i in range(6000 + stray):
+    for i in range(count + stray):
         (axis, side), color = faces[i % 6]
-        at, size = [rng.uniform(-1, 1) for _ in range(3)], -3.2
+        at, size = [rng.uniform(-1, 1) for _ in range(3)], -2.5
         at[axis] = side
-        if i >= 6000:
+        if i >= count:
             at, color, size = [400 * x for x in unit([rng.gauss(0, 1) for _ in range(3)])], (0.5, 0.5, 0.5), 0
         rows += struct.pack("<14f", *at, *[(c - 0.5) / 0.28209479 for c in color], 6, *[size] * 3, 1, 0, 0, 0)
     names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3".split()
@@ -78,7 +78,7 @@ def box_ply(stray=60, comment=None):
         "ply",
         "format binary_little_endian 1.0",
         *([f"comment {comment}"] if comment else []),
-        f"element vertex {6000 + stray}",
+        f"element vertex {count + stray}",
         *[f"property float {name}" for name in names],
         "end_header",
     ]
@@ -128,17 +128,20 @@ class Downloads:
     """What the page saves."""
 
     def __init__(self, browser, folder):
-        self.folder = folder
-        browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+        self.browser, self.folder, self.taken = browser, folder, browser.downloads
+        browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder), eventsEnabled=True)
 
     def take(self, what, seconds=120):
         """The next file, whole."""
         deadline = time.monotonic() + seconds
-        while True:
-            files = list(self.folder.iterdir())
-            data = files[0].read_bytes() if len(files) == 1 and files[0].suffix != ".crdownload" else b""
-            time.sleep(0.2)
-            if data and files[0].read_bytes() == data:
-                files[0].unlink()
-                return files[0].name, data
-            check(time.monotonic() < deadline, f"within {seconds} s: {what} is saved, not {files}")
+        while self.browser.downloads == self.taken:
+            check(
+                time.monotonic() < deadline, f"within {seconds} s: {what} is saved, not {list(self.folder.iterdir())}"
+            )
+            time.sleep(0.05)
+            self.browser.evaluate("0")  # which brings what the browser has to tell
+        self.taken += 1
+        (file,) = self.folder.iterdir()
+        data = file.read_bytes()
+        file.unlink()
+        return file.name, data
