@@ -114,6 +114,12 @@ ImageCache& TrainingViews::images_of(int factor) {
     return found->images;
 }
 
+double TrainingViews::mean_pixels() const {
+    double pixels = 0;
+    for (const View& view : scene_.train) pixels += double(view.camera.width) * view.camera.height;
+    return pixels / double(count());
+}
+
 Vec3<float> TrainingViews::background_at(std::int64_t iteration) const {
     if (!background_.random()) return fixed_background();
     const Philox4 r = philox(seed_, RngStream::kBackground, std::uint64_t(iteration), 0);

@@ -52,6 +52,10 @@ class TrainingViews {
     /// Returns an image, and decodes ahead what this rank needs from `iteration` on.
     std::shared_ptr<const ViewImage> image_of_rank(ImageId id, std::int64_t iteration);
 
+    /// Returns the number of training views.
+    std::int64_t count() const { return std::int64_t(scene_.train.size()); }
+    /// Returns the mean number of pixels of a training view.
+    double mean_pixels() const;
     const View& view_at(std::int64_t iteration) { return scene_.train[order_.at(iteration)]; }
     std::shared_ptr<const ViewImage> image(std::size_t view) { return images_.get(view); }
     double wait_seconds() const { return wait_seconds_; }
