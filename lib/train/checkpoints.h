@@ -53,7 +53,7 @@ class Checkpoints {
     const RunWriter& writer_;
     const std::int64_t first_iteration_;  ///< where this process began
     std::optional<Gaussians> kept_;
-    double written_at_;         ///< seconds of training at the last checkpoint
+    double written_at_;          ///< seconds of training at the last checkpoint
     bool cost_is_told_ = false;  ///< of one by time
 };
 

@@ -99,7 +99,7 @@ void Journal::write_evaluation(const TestScores& scores, std::int64_t iteration)
            {"views", scores.views}});
 }
 
-void Journal::write_target(const TargetSearch::Try& measured) {
+void Journal::write_target(const MeasuredModel& measured) {
     log_info("iteration {}: {} Gaussians, {:.2f} dB on the held-out views", measured.steps, measured.count,
              measured.psnr);
     write({{"event", "target"},

@@ -59,7 +59,7 @@ class Journal {
     /// Writes that Gaussians were removed for `parameters` that were not finite, which are counted in words.
     void write_nonfinite(std::int64_t removed, const std::string& parameters, std::int64_t iteration);
     void write_evaluation(const TestScores& scores, std::int64_t iteration);
-    void write_target(const TargetSearch::Try& measured);
+    void write_target(const MeasuredModel& measured);
 
     /// Returns the decision of --ppisp auto, with its figure, also of an earlier part of the run; empty if there is
     /// none.

@@ -32,9 +32,8 @@ void StepMonitor::prune_nonfinite(Backend& backend) {
     journal_.write_nonfinite(pruned.removed, parameters, schedule_.iteration());
     removed_gaussians_ += pruned.removed;
     if (backend.count() == 0)
-        throw NumericError(
-            fmt::format("iteration {}: no Gaussian with parameters finite and in range is left ({})",
-                        schedule_.iteration(), parameters));
+        throw NumericError(fmt::format("iteration {}: no Gaussian with parameters finite and in range is left ({})",
+                                       schedule_.iteration(), parameters));
 }
 
 void StepMonitor::report() const {

@@ -41,7 +41,7 @@ Gaussians StepRunner::resume(Gaussians state) {
 }
 
 void StepRunner::use(const Backend& backend) {
-    views_.deal(backend.views_per_step(), [&](int k) { return backend.needs_pixels(k); });
+    views_.set_views_per_step(backend.views_per_step(), [&](int k) { return backend.needs_pixels(k); });
 }
 
 void StepRunner::prefetch() { views_.prefetch(schedule_.iteration(), end_of_views(), schedule_.reduction()); }
@@ -76,8 +76,7 @@ std::vector<StepView> StepRunner::next_views(Backend& backend) {
                                        next_output(options_, first), end_of_views()});
     std::vector<StepView> views;
     for (std::int64_t k = 0; first + k < end; ++k)
-        views.push_back(
-            views_.at(first + k, end_of_views(), schedule_.reduction(), backend.needs_pixels(int(k))));
+        views.push_back(views_.at(first + k, end_of_views(), schedule_.reduction(), backend.needs_pixels(int(k))));
     return views;
 }
 

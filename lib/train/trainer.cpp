@@ -256,13 +256,13 @@ class Trainer {
     }
 
     /// Measures the model as it would be written now.
-    TargetSearch::Try measure() {
+    MeasuredModel measure() {
         clock_.count([&] {
             monitor_.settle(*backend_);
             steps_.remove_surplus(*backend_);
         });
         const HeldOutPsnr psnr = hooks_.held_out_psnr(*backend_);
-        const TargetSearch::Try measured{iteration(), backend_->count(), psnr.mean, psnr.standard_error};
+        const MeasuredModel measured{iteration(), backend_->count(), psnr.mean, psnr.standard_error};
         journal_.write_target(measured);
         return measured;
     }

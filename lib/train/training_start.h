@@ -32,8 +32,8 @@ class TrainingStart {
           clock_(clock),
           writer_(writer) {}
 
-    /// Returns the backend with the model of start.checkpoint, or else of start.initial, or else made from points. Takes
-    /// the model out of `start`. Throws UsageError for limits that cannot be met, and what the parts throw.
+    /// Returns the backend with the model of start.checkpoint, or else of start.initial, or else made from points.
+    /// Takes the model out of `start`. Throws UsageError for limits that cannot be met, and what the parts throw.
     std::unique_ptr<Backend> make(RunStart& start);
 
   private:
