@@ -29,12 +29,12 @@ struct ScheduledChange : DensifyStats {
     std::int64_t pruned_by_score = 0;
 };
 
-/// Everything that happens before the step of an iteration (degree, densification, pruning, Morton order, opacity
-/// reset), and the pruning after a step.
+/// Changes the set of Gaussians: before_step() raises the degree, densifies, prunes, sorts along the Morton curve and
+/// resets opacities before each step, and after_step() prunes after it. A resumed run calls resume() first.
 class DensificationSchedule {
   public:
-    /// `black_background` spares ADC its early extra reset. `views`
-    /// are all training views, for the scores of Speedy-Splat's pruning. `extent` is in frame units.
+    /// `black_background` spares ADC its early extra reset. `views` are all training views, for the scores of
+    /// Speedy-Splat's pruning. `extent` is in frame units.
     DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent,
                           bool black_background, std::vector<RenderRequest> views);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures frames and removes what is too much.
+// Measures frames, and removes Gaussians until the limits hold.
 #include "lib/train/model_limits.h"
 
 #include <fmt/format.h>
@@ -53,6 +53,10 @@ double ModelLimits::view_seconds(Backend& backend, int factor) const {
     for (std::size_t k = 0; k < timed.size(); ++k)
         timed[k].camera = camera_params(reduced(scene_.train[k].camera, factor));
     return backend.time_frames(timed, 1);
+}
+
+double ModelLimits::coarse_ratio(Backend& backend, int factor) const {
+    return factor == 1 ? 1 : std::max(1.0, view_seconds(backend) / view_seconds(backend, factor));
 }
 
 double ModelLimits::frame_seconds(Backend& backend) const {

@@ -13,6 +13,8 @@
 
 namespace gs {
 
+/// Bounds a model by its number of Gaussians and by the time of its frames. require_feasible() comes first, most_now()
+/// before each growth, and prune() after the last step.
 class ModelLimits {
   public:
     /// `most_at_end` is the largest number of Gaussians of the final model, 0 without a limit. `background` is that of
@@ -26,6 +28,8 @@ class ModelLimits {
     std::vector<RenderRequest> views() const;
     /// Returns the mean seconds of a frame of the first training views, whose sides are `factor` times smaller.
     double view_seconds(Backend& backend, int factor = 1) const;
+    /// Returns how many times as long a frame takes as one whose sides are `factor` times smaller; at least 1.
+    double coarse_ratio(Backend& backend, int factor) const;
     /// Returns the mean seconds of a frame at 1280x720 with the focal lengths of some training views.
     double frame_seconds(Backend& backend) const;
 

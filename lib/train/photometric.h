@@ -70,7 +70,9 @@ double ppisp_rate(double rate, double distance);
 /// The learning rate of the controllers' weights.
 inline constexpr double kControllerRate = 0.001;
 
-/// PPISP in a run: off, on, decided by the images, or taken from another run.
+/// PPISP in a run: off, on, decided by the images, or taken from another run. A new run begins with initial_state(), a
+/// resumed one with resume(). decide() precedes every step, whose request apply() completes. Controllers come after the
+/// last change of the Gaussians: add_controllers(), then apply_controller() for each of their steps.
 class Photometric {
   public:
     /// Reads options.ppisp_from and matches it with the training images by name. Throws DataError if an image or camera

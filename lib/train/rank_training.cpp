@@ -29,13 +29,14 @@ std::string agreed_text(const TrainOptions& options) {
     return text;
 }
 
-/// The views that rank 0 trains on, by name and size.
+/// Writes the views that rank 0 trains on, by name and size.
 void put_views(MessageWriter& message, const Scene& scene) {
     message.put(std::uint64_t(scene.train.size()));
     for (const View& view : scene.train) message.put(view.name).put(view.camera.width).put(view.camera.height);
 }
 
-/// Leaves the views that rank 0 trains on, in its order. Throws DataError if one is missing here, or has another size.
+/// Reads the views that rank 0 trains on, and leaves only these in `scene`, in that order. Throws DataError if one is
+/// missing here, or has another size.
 void take_views(MessageReader& message, Scene& scene) {
     std::map<std::string, View> found;
     for (View& view : scene.train) found.emplace(view.name, std::move(view));
@@ -55,7 +56,7 @@ void take_views(MessageReader& message, Scene& scene) {
     }
 }
 
-/// What a rank needs to bring the images of a training's steps.
+/// The views of a training, from which a rank brings the images of steps.
 struct TrainedScene {
     TrainedScene(const TrainOptions& run_options, const Scene& loaded, MessageReader& about)
         : options(run_options), scene(loaded) {
@@ -90,7 +91,8 @@ void follow_training(RankTeam& team, TrainOptions options) {
         const Scene loaded = load_scene(options);
         follow_backends(team, [&](MessageReader& about_targets) -> TargetSource {
             const auto trained = std::make_shared<TrainedScene>(options, loaded, about_targets);
-            trained->views.deal(trained->views_per_step, [&](int k) { return k % team.size() == team.rank(); });
+            trained->views.set_views_per_step(trained->views_per_step,
+                                              [&](int k) { return k % team.size() == team.rank(); });
             return [trained](StepRequest& request) {
                 const auto image = trained->views.image_of_rank(request.target.id, request.iteration);
                 const TargetImage target = target_image(*image, request.target.id);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A training over several ranks: what rank 0 trains with, and what the others do.
+// Trains over several ranks: makes the backend of rank 0, and follows its training on the others.
 #pragma once
 
 #include <memory>

@@ -24,13 +24,15 @@ inline constexpr double kMostAutoShare = 0.35;
 /// residuals; nothing where the tolerance decides. Throws UsageError for fewer bytes than a base colour takes.
 std::optional<double> wanted_residual_share(const AppearanceOptions& options, const AppearanceSpec& appearance);
 
-/// What became of the residuals.
+/// A change in the set of residuals.
 struct ResidualChange {
     std::int64_t pruned = 0;             ///< Gaussians that could not be seen, removed first
     std::int64_t before = 0, after = 0;  ///< Gaussians with a residual
     double loss = 0;  ///< dB that the PSNR of training views fell by at once, on average; only known with a tolerance
 };
 
+/// Leaves a residual to as many Gaussians as options ask for. before_step() precedes every step, and at_end() follows
+/// the last one.
 class ResidualShare {
   public:
     /// All arguments must outlive the object.
@@ -42,7 +44,8 @@ class ResidualShare {
                                               const StepSource& step_on) const;
     /// Returns how many views at_end may look at.
     std::size_t views_at_end() const;
-    /// Takes away what is above the share, now that the last Gaussians went. Returns nothing if nothing was.
+    /// Takes away the residuals above the share, once the last Gaussians are removed. Returns nothing if there were
+    /// none.
     std::optional<ResidualChange> at_end(Backend& backend, const StepSource& step_on) const;
 
   private:

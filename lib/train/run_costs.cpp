@@ -21,6 +21,8 @@ namespace {
 /// The time of a pixel over that of a Gaussian in a step on the CPU. Measured on two cores without other load: 0.27 us
 /// a Gaussian, and 0.10 us a pixel of bonsai at 200x133, 0.11 us of builtin:glossy.
 constexpr double kPixelPerGaussian = 0.4;
+/// The seconds of steps from which the time of a training is estimated, and the estimate from which on it is said.
+constexpr double kMeasuredSeconds = 3, kLongTraining = 3600;
 /// The most steps that are looked at one by one. Those of a longer run stand for several.
 constexpr std::int64_t kMostSamples = 30000;
 
@@ -77,6 +79,13 @@ std::string memory_report(const MemoryUse& memory) {
     return text;
 }
 
+void log_exchanges(const RankCosts& costs) {
+    constexpr double kMegabyte = 1e6;
+    if (costs.steps == 0 || costs.traffic.sent == 0) return;
+    log_info("ranks: rank 0 sent {:.2f} MB in a step and spent {:.0f} % of it in exchanges, waiting included",
+             costs.traffic.sent / double(costs.steps) / kMegabyte, 100 * costs.traffic.seconds / costs.seconds);
+}
+
 double estimate_seconds(const ScheduleOptions& options, const DensificationOptions& growth, const MeasuredSteps& steps,
                         std::int64_t cap) {
     const DensificationWindow window(growth);
@@ -97,6 +106,33 @@ double estimate_seconds(const ScheduleOptions& options, const DensificationOptio
         last = moment;
     }
     return steps.seconds_per_iteration * total / measured_cost;
+}
+
+LongTrainingWarning::LongTrainingWarning(const TrainOptions& options, double pixels, std::int64_t cap,
+                                         std::int64_t iteration, double train_seconds)
+    : options_(options),
+      pixels_(pixels),
+      cap_(cap),
+      first_iteration_(iteration),
+      first_seconds_(train_seconds),
+      done_(!options.ends_by_iterations() || uses_cuda(options.device)) {}
+
+void LongTrainingWarning::update(std::int64_t iteration, double train_seconds, std::int64_t num_gaussians) {
+    const double measured = train_seconds - first_seconds_;
+    if (done_ || measured < kMeasuredSeconds) return;
+    done_ = true;
+    const std::int64_t iterations = iteration - first_iteration_;
+    const double seconds = estimate_seconds(options_, options_,
+                                            {.iteration = iteration,
+                                             .seconds_per_iteration = measured / double(iterations),
+                                             .num_gaussians = num_gaussians,
+                                             .pixels = pixels_},
+                                            cap_);
+    if (seconds < kLongTraining) return;
+    log_warning(
+        "this training takes about {} on the CPU, by the speed of its first {} iterations and the growth to come; "
+        "--time-limit 10m, -r 4, or smaller --iterations and --cap-max shorten it",
+        duration_text(seconds), iterations);
 }
 
 }  // namespace gs

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run takes: its memory, before it starts and after, and the time of a training on the CPU, from its first
-// steps.
+// Tells the costs of a run: its memory before it starts and after, the data that ranks exchanged, and the time of a
+// training on the CPU, from its first steps.
 #pragma once
 
 #include <cstdint>
@@ -20,6 +20,9 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
 /// Returns one line: peak and present bytes of the device, and each row with its bytes per item.
 std::string memory_report(const MemoryUse& memory);
 
+/// Logs how much data rank 0 sent in a step, and the share of the steps' time that went into exchanges.
+void log_exchanges(const RankCosts& costs);
+
 /// The speed of the steps that a training has made so far.
 struct MeasuredSteps {
     std::int64_t iteration = 0;        ///< iterations done
@@ -32,5 +35,23 @@ struct MeasuredSteps {
 /// must be resolved and end by iterations. With strategy adc, whose growth the scene decides, the number stays.
 double estimate_seconds(const ScheduleOptions& options, const DensificationOptions& growth, const MeasuredSteps& steps,
                         std::int64_t cap);
+
+/// Warns once of a training that takes hours, as one with the defaults does on the CPU. update() follows every step.
+class LongTrainingWarning {
+  public:
+    /// The next step follows `iteration` others, which took `train_seconds`. Training images have `pixels` on average,
+    /// and the model grows to `cap` Gaussians. `options` must outlive the object.
+    LongTrainingWarning(const TrainOptions& options, double pixels, std::int64_t cap, std::int64_t iteration,
+                        double train_seconds);
+    /// Warns if the steps so far took long enough to tell.
+    void update(std::int64_t iteration, double train_seconds, std::int64_t num_gaussians);
+
+  private:
+    const TrainOptions& options_;
+    const double pixels_;
+    const std::int64_t cap_, first_iteration_;
+    const double first_seconds_;
+    bool done_;
+};
 
 }  // namespace gs

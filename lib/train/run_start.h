@@ -20,7 +20,7 @@ struct RunStart {
     std::optional<Checkpoint> checkpoint;
     /// The first line of the training log of a new run, without its iteration; null = none
     nlohmann::json first_event = {};
-    double used_seconds = 0;                   ///< of a time limit, before the first step of a new run
+    double used_seconds = 0;                   ///< of a time limit, that passed before the first step of a new run
     std::optional<InitialModel> initial = {};  ///< the model that a new run begins with, if not with points
     /// Keeps other runs out of the folder as long as somebody holds it
     std::shared_ptr<const RunLock> lock = {};

@@ -60,28 +60,6 @@ void RunWriter::write_start(const PointCloud& first_points) const {
     write_input_points(folder_, first_points, scene_.frame);
 }
 
-void RunWriter::open_log(std::int64_t iteration, bool at_end) {
-    check_folder();
-    log_.emplace(folder_.train_log(), iteration, at_end);
-}
-
-void RunWriter::log_change(const ScheduledChange& change, std::int64_t iteration) {
-    if (change.relocated || change.added || change.cloned || change.split || change.pruned)
-        log({{"event", "densify"},
-             {"iteration", iteration},
-             {"relocated", change.relocated},
-             {"added", change.added},
-             {"cloned", change.cloned},
-             {"split", change.split},
-             {"pruned", change.pruned},
-             {"num_gaussians", change.count + change.pruned_by_score}});
-    if (change.pruned_by_score)
-        log({{"event", "prune_by_score"},
-             {"iteration", iteration},
-             {"pruned", change.pruned_by_score},
-             {"num_gaussians", change.count}});
-}
-
 void RunWriter::write_checkpoint(Gaussians state, std::int64_t iteration, const std::optional<TrainingTime>& time,
                                  bool automatic) const {
     check_folder();

@@ -32,6 +32,7 @@ struct StepView {
     int factor = 1;  ///< by which the image is reduced
 };
 
+/// Puts together what one step needs: camera, photograph, learning rates, regularisers and photometric correction.
 class StepComposer {
   public:
     /// `options` must be resolved. `photometric` says how views are corrected; with null each is corrected by its own

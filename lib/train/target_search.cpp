@@ -22,14 +22,15 @@ constexpr double kGrowFrom = 10000, kShrinkFrom = 20000;
 /// The share of the steps so far in which a smaller model recovers, and their bounds.
 constexpr double kRecovery = 0.125;
 constexpr std::int64_t kLeastRecovery = 200, kMostRecovery = 2000;
-/// What a doubling of the steps gives at most, relative to the doubling before it, and how much better than that a
+/// The most that a doubling of the steps gives, relative to the doubling before it, and how much better than that a
 /// training may turn out, dB.
 constexpr double kNextGain = 0.8, kHope = 0.3;
 /// A model is small enough when it is this near above the target, dB.
 constexpr double kNear = 0.1;
 /// A smaller model that fell below says nothing if it is nearer in size than this: the other has had more steps.
 constexpr double kSameSize = 1.05;
-/// What halving a model costs at least, dB, and is taken to cost while none has fallen below the target.
+/// The least PSNR that halving a model costs, dB, and the PSNR that it is taken to cost while no model has fallen below
+/// the target.
 constexpr double kLeastHalving = 0.3, kHalving = 0.8;
 constexpr int kMostShrinks = 12;
 
@@ -51,14 +52,14 @@ ScheduleSegment TargetSearch::first(std::int64_t steps, std::int64_t count) cons
             .most_gaussians = most_gaussians(first_steps_, count)};
 }
 
-TargetStep TargetSearch::next(const Try& measured) {
+TargetStep TargetSearch::next(const MeasuredModel& measured) {
     tries_.push_back(measured);
     if (!good_ && measured.psnr < target_) return grow(measured);
     if (!good_) grown_steps_ = measured.steps;
     return shrink(measured);
 }
 
-TargetStep TargetSearch::grow(const Try& measured) {
+TargetStep TargetSearch::grow(const MeasuredModel& measured) {
     const double doublings = std::log2(double(most_steps_) / double(std::max<std::int64_t>(1, measured.steps)));
     if (measured.steps >= most_steps_) {
         why_ = fmt::format("{} iterations are all that --iterations allows", most_steps_);
@@ -81,7 +82,7 @@ TargetStep TargetSearch::grow(const Try& measured) {
                         .most_gaussians = most_gaussians(measured.steps + steps, measured.count)}};
 }
 
-TargetStep TargetSearch::shrink(const Try& measured) {
+TargetStep TargetSearch::shrink(const MeasuredModel& measured) {
     TargetStep step;
     if (measured.psnr >= target_) {
         good_ = measured;
@@ -94,7 +95,7 @@ TargetStep TargetSearch::shrink(const Try& measured) {
     if (bad_ && count < kSameSize * double(bad_->count)) bad_.reset();
     if (bad_) halving_ = std::max(kLeastHalving, (good_->psnr - bad_->psnr) / std::log2(count / double(bad_->count)));
     const auto shrinks =
-        std::count_if(tries_.begin(), tries_.end(), [this](const Try& t) { return t.steps > grown_steps_; });
+        std::count_if(tries_.begin(), tries_.end(), [this](const MeasuredModel& t) { return t.steps > grown_steps_; });
     if (spare <= kNear || good_->count <= 1 || shrinks >= kMostShrinks) return step;
     double smaller = std::exp2(-std::min(1.0, spare / halving_.value_or(kHalving)));
     if (bad_) {  // between the two, as if PSNR followed the logarithm of the size
@@ -109,17 +110,19 @@ TargetStep TargetSearch::shrink(const Try& measured) {
 }
 
 TargetOutcome TargetSearch::outcome() const {
-    TargetOutcome out;
-    out.reached = good_.has_value(), out.estimate = estimate_, out.measurements = std::int64_t(tries_.size());
-    const Try last = good_ ? *good_ : tries_.empty() ? Try{} : tries_.back();
-    out.count = last.count, out.psnr = last.psnr, out.standard_error = last.standard_error;
-    out.verdict = good_ ? fmt::format("target {:g} dB: reached with {} Gaussians, {:.2f} dB on the held-out views",
-                                      target_, last.count, last.psnr)
-                        : fmt::format(
-                              "target {:g} dB: not reached, {:.2f} dB on the held-out views after {} "
-                              "iterations: {}",
-                              target_, last.psnr, last.steps, why_);
-    return out;
+    const MeasuredModel last = good_ ? *good_ : tries_.empty() ? MeasuredModel{} : tries_.back();
+    const std::string verdict =
+        good_ ? fmt::format("target {:g} dB: reached with {} Gaussians, {:.2f} dB on the held-out views", target_,
+                            last.count, last.psnr)
+              : fmt::format("target {:g} dB: not reached, {:.2f} dB on the held-out views after {} iterations: {}",
+                            target_, last.psnr, last.steps, why_);
+    return {.reached = good_.has_value(),
+            .standard_error = last.standard_error,
+            .count = last.count,
+            .psnr = last.psnr,
+            .estimate = estimate_,
+            .measurements = std::int64_t(tries_.size()),
+            .verdict = verdict};
 }
 
 }  // namespace gs

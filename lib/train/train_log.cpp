@@ -65,7 +65,7 @@ TrainLog::~TrainLog() {
     ::close(fd_);
 }
 
-/// Writes what is waiting. Returns the system's error, 0 if all is written.
+/// Writes the lines that wait. Returns the system's error, 0 if all is written.
 int TrainLog::flush() {
     while (!waiting_.empty()) {
         const ssize_t written = ::write(fd_, waiting_.data(), waiting_.size());

@@ -14,7 +14,7 @@
 
 namespace gs {
 
-/// Writes stats/train.jsonl: one JSON object per line, readable while the run goes on.
+/// Writes stats/train.jsonl: one JSON object per line, readable while the run goes on. close() follows the last line.
 class TrainLog {
   public:
     /// Keeps the lines up to `iteration` that an earlier part of the run wrote, and appends after them. `at_end`: the
@@ -31,7 +31,7 @@ class TrainLog {
 
     /// Returns the "reason" of the "photometric" event among the lines that were kept; empty if there is none.
     const std::string& photometric_reason() const { return photometric_reason_; }
-    /// Writes what is left, to the disk (fsync). Throws DataError when a line could not be written in the end.
+    /// Writes the lines that wait, to the disk (fsync). Throws DataError when a line could not be written in the end.
     void close();
 
   private:
@@ -44,14 +44,14 @@ class TrainLog {
     std::string photometric_reason_;
 };
 
-/// The event file of one run, or of the part of it that follows a resume. What cannot be written later on is a warning,
+/// The event file of one run, or of the part of it that follows a resume. A failure to write later on is a warning,
 /// once: the training goes on.
 class TensorBoard {
   public:
     /// Throws DataError where there can be no event file in `folder`.
     explicit TensorBoard(const std::filesystem::path& folder) : file_(folder) {}
 
-    /// The run continues after `iteration`: what an earlier file has beyond it no longer counts.
+    /// Continues a run after `iteration`: the events of later iterations in an earlier file no longer count.
     void resume(std::int64_t iteration);
     /// Takes the numbers of a line of stats/train.jsonl, if it has any to show.
     void add_line(const nlohmann::json& line);

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 
@@ -13,57 +12,12 @@
 #include "lib/scene/scene.h"
 #include "lib/train/run_start.h"
 #include "lib/train/target_search.h"
+#include "lib/train/train_hooks.h"
 #include "lib/train/train_log.h"
 
 namespace gs {
 
-/// The mean PSNR of held-out views and its standard error, dB.
-struct HeldOutPsnr {
-    double mean = 0, standard_error = 0;
-};
-
-/// The scores of test views.
-struct TestScores {
-    double psnr = 0, ssim = 0;  ///< means; PSNR in dB
-    std::size_t views = 0;
-};
-
-/// What a watcher of a training may ask for.
-enum class WatcherRequest {
-    kNone,
-    kSave,  ///< write a checkpoint and the point cloud
-    kStop,  ///< as Ctrl-C: write a checkpoint and end
-};
-
-/// What a watcher of a training is told between two iterations. The loss is that of a step a little earlier.
-struct TrainProgress {
-    std::int64_t iteration = 0, num_gaussians = 0;
-    std::int64_t expected_iterations = 0;  ///< of the whole run; 0 while time decides
-    std::optional<double> seconds_left;    ///< of a time limit
-    double loss = 0, train_seconds = 0;
-    /// Reading the model now changes nothing of what follows: all its rows are up to date.
-    bool rows_current = false;
-};
-
-struct TrainHooks {
-    /// Called before the first iteration and after every one. It may wait; its time does not count as training time.
-    std::function<WatcherRequest(const TrainProgress& progress, Backend& backend)> between;
-    /// Called when kSave was done, with what went wrong, or an empty text. Set wherever `between` is.
-    std::function<void(std::int64_t iteration, const std::string& error)> saved;
-    /// Called after `iteration` iterations if options.test_iterations lists it, and at the end, with the pruned model
-    /// and `last`. Its time does not count as training time. What it returns is written to the log.
-    std::function<std::optional<TestScores>(std::int64_t iteration, Backend& backend, bool last)> evaluate;
-    /// The most Gaussians that the final model may have; 0 = no limit but options.cap_max. Training has a tenth more,
-    /// of which those with the lowest scores go at the end.
-    std::int64_t most_gaussians = 0;
-    /// Where the course of the training is shown, too; null: nowhere.
-    TensorBoard* tensorboard = nullptr;
-    /// With options.target_psnr: measures the views held out for it.
-    std::function<HeldOutPsnr(Backend& backend)> held_out_psnr;
-    /// Replaces choose_backend if set.
-    std::function<std::unique_ptr<Backend>(const AppearanceSpec&, const EngineOptions&)> make_backend;
-};
-
+/// The result of a training.
 struct TrainSummary {
     std::int64_t iterations = 0;
     std::int64_t num_gaussians = 0;  ///< after the final pruning; the #Gs of tables

@@ -27,6 +27,9 @@ constexpr double kStepPerFrame = 3;
 constexpr std::int64_t kWarmUpSteps = 10;
 /// The least seconds of steps that a time limit must leave.
 constexpr double kLeastSeconds = 0.1;
+/// The share of a time limit that the controllers have where no number of iterations is named, and the most that they
+/// have where one is.
+constexpr double kControllerShare = 1.0 / 7, kMostControllerShare = 0.5;
 
 }  // namespace
 
@@ -160,6 +163,13 @@ int TrainingSchedule::reduction() const {
     const double done = limits_time() || segment_ ? moment_.position / kReferenceIterations
                                                   : double(moment_.iteration) / double(options_.iterations);
     return done < options_.coarse_until ? kCoarse : 1;
+}
+
+void TrainingSchedule::keep_back_for_controllers(const std::optional<std::int64_t>& iterations) {
+    if (!budget_) return;
+    const double mean_step = budget_->elapsed() / double(std::max<std::int64_t>(1, moment_.iteration));
+    budget_->keep_back(iterations ? std::min(kMostControllerShare * limit_, double(*iterations) * mean_step)
+                                  : kControllerShare * limit_);
 }
 
 std::int64_t TrainingSchedule::most_gaussians(std::int64_t count, std::int64_t cap) {

@@ -17,25 +17,26 @@ namespace gs {
 /// The seconds that saving takes besides what grows with the model.
 inline constexpr double kSavingOverhead = 0.02;
 
-/// What is measured before the first step.
+/// The times that are measured before the first step.
 struct TimeCosts {
     double saving_per_gaussian = 0;  ///< seconds that a Gaussian takes in the final pruning and saving
     double at_end = 0;               ///< seconds of the final pruning by score, and of measuring for a target
     double coarse_ratio = 1;         ///< time of a full image over that of a coarse one
 };
 
+/// Divides a time limit. start() comes first; then keep_back() and leave_out() change what is left.
 class TimeBudget {
   public:
-    /// `limit` is in seconds, `used` the part that was spent before a resume. `wanted_steps`: growth ends where a whole
-    /// run would have fewer. `clock` gives seconds and never goes back.
+    /// `limit` is in seconds, `used` the part that was spent before a resume. Growth ends where a whole run would have
+    /// fewer than `wanted_steps`. `clock` gives seconds and never goes back.
     TimeBudget(double limit, double used, std::int64_t wanted_steps, double (*clock)() = seconds_now)
         : limit_(limit), used_(used), wanted_steps_(double(wanted_steps)), clock_(clock) {}
 
-    /// The next step begins now, after `iteration` steps before a resume.
+    /// Begins to count the time. The next step follows, after `iteration` steps before a resume.
     void start(const TimeCosts& costs, std::int64_t iteration = 0);
-    /// Keeps `seconds` back for what follows the steps, besides saving.
+    /// Keeps `seconds` back for the work that follows the steps, besides saving.
     void keep_back(double seconds) { kept_back_ = seconds; }
-    /// Takes `seconds` out of the account, which went into measuring.
+    /// Does not count `seconds` that have just passed.
     void leave_out(double seconds) { start_ += seconds; }
 
     /// Returns the seconds since the first step, with those before a resume.
@@ -43,7 +44,7 @@ class TimeBudget {
     /// Returns the seconds from the first step to the last, for a model of `count` Gaussians.
     double for_steps(std::int64_t count) const;
     double limit() const { return limit_; }
-    /// Returns the share of these that has passed, 0..1.
+    /// Returns the share of for_steps(count) that has passed, 0..1.
     double progress(std::int64_t count) const;
 
     /// Returns the number of Gaussians with which enough steps would follow, judged by the time of the steps since the
@@ -70,15 +71,19 @@ struct ScheduleSegment {
 /// most 20,000 steps.
 std::int64_t wanted_steps(std::size_t num_views);
 
-/// Leads a run from its first step to its last.
+/// Leads a run from its first step to its last. A resumed run calls resume() first, and a run with a time limit start()
+/// before its first step. A search for a target calls begin() before each of its segments. advance() follows every
+/// step.
 class TrainingSchedule {
   public:
     TrainingSchedule(const ScheduleOptions& options, std::size_t num_views);
 
     /// Continues after `iteration` steps, which took `used` seconds of a time limit.
     void resume(std::int64_t iteration, double used);
-    /// Takes from a time limit what went by before the first step of a new run. Progress does not count it.
+    /// Takes the seconds that went by before the first step of a new run from a time limit, if there is one. Progress
+    /// does not count them.
     void charge(double seconds) {
+        if (!limits_time()) return;
         limit_ -= seconds;
         charged_ += seconds;
     }
@@ -96,6 +101,8 @@ class TrainingSchedule {
     void begin(const ScheduleSegment& segment, std::int64_t count);
 
     const ScheduleMoment& moment() const { return moment_; }
+    /// Returns the number of finished iterations.
+    std::int64_t iteration() const { return moment_.iteration; }
     bool finished() const { return finished_; }
     /// Goes on after a step on `views` views, with `count` Gaussians. Each view is an iteration.
     void advance(std::int64_t count, std::int64_t views = 1);
@@ -109,9 +116,16 @@ class TrainingSchedule {
     /// Returns the largest number of Gaussians that the next step may have: `cap`, or what the time affords.
     std::int64_t most_gaussians(std::int64_t count, std::int64_t cap);
 
+    /// Keeps a share of a time limit for training the PPISP controllers: the time of `iterations` steps, or without a
+    /// number as much of the whole as they have in a run of iterations.
+    void keep_back_for_controllers(const std::optional<std::int64_t>& iterations);
+    /// Does not count `seconds` that have just passed towards a time limit.
+    void leave_out(double seconds) {
+        if (budget_) budget_->leave_out(seconds);
+    }
+
     std::int64_t wanted_steps() const { return wanted_steps_; }
-    /// The account of the time; empty without a limit, or before start().
-    std::optional<TimeBudget>& budget() { return budget_; }
+    /// Returns the division of the time; empty without a limit, or before start().
     const std::optional<TimeBudget>& budget() const { return budget_; }
 
   private:

@@ -78,7 +78,7 @@ std::shared_ptr<const ViewImage> TrainingViews::image_of_rank(ImageId id, std::i
     return image;
 }
 
-void TrainingViews::deal(int views_per_step, const std::function<bool(int k)>& is_read_here) {
+void TrainingViews::set_views_per_step(int views_per_step, const std::function<bool(int k)>& is_read_here) {
     read_here_.assign(std::size_t(views_per_step), false);
     for (int k = 0; k < views_per_step; ++k) read_here_[std::size_t(k)] = is_read_here(k);
 }
@@ -112,6 +112,12 @@ ImageCache& TrainingViews::images_of(int factor) {
         found = std::make_unique<Reduced>(std::move(views), cache_.count, decode_threads(device_));
     }
     return found->images;
+}
+
+double TrainingViews::mean_pixels() const {
+    double pixels = 0;
+    for (const View& view : scene_.train) pixels += double(view.camera.width) * view.camera.height;
+    return pixels / double(count());
 }
 
 Vec3<float> TrainingViews::background_at(std::int64_t iteration) const {

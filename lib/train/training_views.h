@@ -34,24 +34,29 @@ class ViewOrder {
 /// then below a hundredth of the work. Steps on several views end there.
 inline constexpr std::int64_t kLogInterval = 100;
 
-/// Delivers the training views in the order of a run and decodes them ahead of their use.
+/// Delivers the training views in the order of a run and decodes them ahead of their use. With several views a step
+/// set_views_per_step() comes first, then prefetch(), then at() for each iteration.
 class TrainingViews {
   public:
     /// The scene must outlive the object.
     TrainingViews(const TrainOptions& options, const Scene& scene);
 
-    /// Says how many views a step has, and of which of these the images are read here: of those are the images that
-    /// are decoded ahead.
-    void deal(int views_per_step, const std::function<bool(int k)>& is_read_here);
+    /// Sets how many views a step has, and for which of them, by number k, the image is read here. Only images that are
+    /// read here are decoded ahead.
+    void set_views_per_step(int views_per_step, const std::function<bool(int k)>& is_read_here);
 
     /// Starts decoding for the iterations from `first` to before `end`.
     void prefetch(std::int64_t first, std::int64_t end, int factor = 1);
-    /// Returns the view of the step at `iteration`, with its image reduced `factor` times or without it. Decodes ahead
-    /// up to before `end`.
+    /// Returns the view of the step at `iteration`, with its image reduced `factor` times or without it. Images of
+    /// iterations from `end` on are not decoded ahead.
     StepView at(std::int64_t iteration, std::int64_t end, int factor = 1, bool with_image = true);
-    /// Returns an image, and decodes ahead what this rank needs from `iteration` on.
+    /// Returns an image, and decodes ahead the images that this rank needs from `iteration` on.
     std::shared_ptr<const ViewImage> image_of_rank(ImageId id, std::int64_t iteration);
 
+    /// Returns the number of training views.
+    std::int64_t count() const { return std::int64_t(scene_.train.size()); }
+    /// Returns the mean number of pixels of a training view.
+    double mean_pixels() const;
     const View& view_at(std::int64_t iteration) { return scene_.train[order_.at(iteration)]; }
     std::shared_ptr<const ViewImage> image(std::size_t view) { return images_.get(view); }
     double wait_seconds() const { return wait_seconds_; }

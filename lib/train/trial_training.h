@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Short segments of training in memory: no files, no progress, no controllers. What `--appearance auto` compares
-// models by.
+// Trains short segments in memory, without files, progress or controllers. `--appearance auto` compares models by them.
 #pragma once
 
 #include <cstdint>
@@ -23,13 +22,14 @@ struct TrialResult {
     double seconds = 0;  ///< time of the steps
 };
 
+/// Trains one model for a while, and then others from there. begin() comes first, and continue_with() for each model.
 class TrialTraining {
   public:
     /// Takes validated `options` and a `scene` with at least one training view; both outlive the object. PPISP is on or
     /// off: there is nothing to decide.
     TrialTraining(const TrainOptions& options, const Scene& scene);
 
-    /// The first `iterations` of a run of the options' appearance.
+    /// Trains the first `iterations` of a run of the options' appearance.
     TrialResult begin(std::int64_t iterations);
 
     /// Goes on from `state` with another appearance, which starts without a residual and has all degrees active. No

@@ -845,7 +845,7 @@ TEST(TrainingViews, AreDecodedAheadByTheRankThatRendersThemFromItsFirstOn) {
     TrainOptions options;
     options.device = Device::kCpu;
     TrainingViews views(options, counted.scene);
-    views.deal(2, [](int k) { return k == 1; });  // the second of two ranks
+    views.set_views_per_step(2, [](int k) { return k == 1; });  // the second of two ranks
     ViewOrder order(kNumViews, options.seed);
     const auto decodes_at = [&](std::int64_t position) { return counted.decodes[order.at(position)].load(); };
     const auto image = views.image_of_rank(std::int64_t(order.at(1)), 1);

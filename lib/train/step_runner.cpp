@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// Puts views, densification, photometric correction and residuals together to iterations.
+#include "lib/train/step_runner.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "lib/train/output_schedule.h"
+
+namespace gs {
+namespace {
+
+/// The time in which the worth of residuals to a view is measured, over that of rendering the view.
+constexpr double kWorthPerFrame = 4;
+
+}  // namespace
+
+StepRunner::StepRunner(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance,
+                       ModelLimits& limits, TrainingSchedule& schedule, Journal& journal)
+    : options_(options),
+      limits_(limits),
+      schedule_(schedule),
+      journal_(journal),
+      views_(options, scene),
+      densification_(options, appearance, scene.extent, options.background.always(0, 0, 0), limits.views()),
+      photometric_(options, scene),
+      composer_(options, appearance, scene, &photometric_),
+      residuals_(options, appearance, scene) {}
+
+Gaussians StepRunner::begin(Gaussians first, bool from_points) {
+    if (!from_points) densification_.resume(first.active_degree);
+    first.active_degree = densification_.active_degree();
+    first.ppisp = photometric_.initial_state();
+    return first;
+}
+
+Gaussians StepRunner::resume(Gaussians state) {
+    photometric_.resume(state, schedule_.moment());
+    densification_.resume(state.active_degree);
+    return state;
+}
+
+void StepRunner::use(const Backend& backend) {
+    views_.set_views_per_step(backend.views_per_step(), [&](int k) { return backend.needs_pixels(k); });
+}
+
+void StepRunner::prefetch() { views_.prefetch(schedule_.iteration(), end_of_views(), schedule_.reduction()); }
+
+void StepRunner::take(Backend& backend) {
+    // First, since it may fail: nothing of this iteration is done yet, and a checkpoint continues before it.
+    const std::vector<StepView> views = next_views(backend);
+    const auto num_views = std::int64_t(views.size());
+    const ScheduleMoment moment = schedule_.moment();
+    const std::int64_t first = moment.iteration + 1, last = moment.iteration + num_views;
+    decide_photometric(backend, moment);
+    const bool hold = multiples_passed(moment.before, moment.position, kDegreeInterval) > 0 &&
+                      photometric_.holds_view_dependence(backend, moment);
+    const auto most = [&] { return schedule_.most_gaussians(backend.count(), limits_.most_now(backend)); };
+    journal_.write_change(densification_.before_step(backend, moment, hold, most), first);
+    if (const auto change = residuals_.before_step(backend, moment, steps_on_views(moment)))
+        journal_.write_residuals(*change, backend.count(), first);
+    std::vector<StepRequest> requests;
+    for (const StepView& view : views) requests.push_back(composer_.compose(view, moment));
+    if (num_views > 1) StepComposer::combine(requests);
+    backend.step_on(requests);
+    last_moment_ = moment;
+    journal_.write_change(densification_.after_step(backend, moment), last);
+    schedule_.advance(backend.count(), num_views);
+}
+
+/// Returns the views of the next step: as many as the backend takes, but no more than there are to the next iteration
+/// at which something may be due.
+std::vector<StepView> StepRunner::next_views(Backend& backend) {
+    const std::int64_t first = schedule_.iteration(),
+                       end = std::min({first + backend.views_per_step(), (first / kLogInterval + 1) * kLogInterval,
+                                       next_output(options_, first), end_of_views()});
+    std::vector<StepView> views;
+    for (std::int64_t k = 0; first + k < end; ++k)
+        views.push_back(views_.at(first + k, end_of_views(), schedule_.reduction(), backend.needs_pixels(int(k))));
+    return views;
+}
+
+/// Returns the end of the iterations for which images are decoded ahead.
+std::int64_t StepRunner::end_of_views() const {
+    return options_.ends_by_iterations() ? options_.iterations : std::numeric_limits<std::int64_t>::max();
+}
+
+void StepRunner::decide_photometric(Backend& backend, const ScheduleMoment& moment) {
+    const auto decision = photometric_.decide(backend, moment, views_.fixed_background(),
+                                              [&](std::size_t view) { return views_.image(view); });
+    if (decision) journal_.write_photometric(*decision, moment.iteration + 1);
+}
+
+/// Returns the source of steps on single views at `moment`. Each step is valid until the next is asked for.
+StepSource StepRunner::steps_on_views(const ScheduleMoment& moment) {
+    return [this, moment](std::size_t view) {
+        return composer_.compose(StepView{view, views_.image(view), views_.fixed_background()}, moment);
+    };
+}
+
+void StepRunner::remove_surplus(Backend& backend) {
+    backend.prune_invisible();
+    limits_.prune(backend);
+    if (const auto change = residuals_.at_end(backend, steps_on_views(schedule_.moment())))
+        journal_.write_residuals(*change, backend.count(), schedule_.iteration());
+}
+
+double StepRunner::seconds_to_remove(Backend& backend) const {
+    const double pruning = limits_.seconds_to_prune(backend);
+    if (!chooses_residuals()) return pruning;
+    return pruning + kWorthPerFrame * double(residuals_.views_at_end()) * limits_.view_seconds(backend);
+}
+
+StepRequest StepRunner::controller_step(std::int64_t k, const std::optional<std::int64_t>& steps) {
+    const std::int64_t done = schedule_.iteration();
+    return composer_.compose_distillation(views_.at(done + k, steps ? done + *steps : end_of_views()), done + k);
+}
+
+}  // namespace gs
