@@ -58,7 +58,7 @@ TEST(OptionsCli, ShortLongAndForeignSpellingsMeanTheSame) {
         EXPECT_EQ(parse({"here", flag, "there"}).model, "there") << flag;
     }
     EXPECT_EQ(parse({"here", "-i", "images_4", "-r", "4"}).images, "images_4");
-    EXPECT_EQ(parse({"here", "-r", "-1"}).resolution, -1);
+    EXPECT_FALSE(parse({"here", "-r", "-1"}).resolution);
 }
 
 TEST(OptionsCli, EveryUnderscoreSpellingIsAccepted) {

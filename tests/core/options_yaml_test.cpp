@@ -40,7 +40,9 @@ std::vector<std::string> other_value(const Option& option) {
     const std::string real = fmt::format("{}", low + 0.1234567890123456 * (std::min(high, low + 1) - low));
     if (const auto* of_model = std::get_if<ModelOptionField>(&option.field)) return {of_model->is_whole ? "2" : real};
     if (std::holds_alternative<std::uint64_t TrainOptions::*>(option.field)) return {"18446744073709551615"};
-    if (std::holds_alternative<double TrainOptions::*>(option.field)) return {real};
+    if (std::holds_alternative<double TrainOptions::*>(option.field) ||
+        std::holds_alternative<std::optional<double> TrainOptions::*>(option.field))
+        return {real};
     if (std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field)) return {"7", "30000"};
     return {"2"};
 }
@@ -122,7 +124,7 @@ TEST(OptionsYaml, WrongTypesNameFileLineKeyAndValue) {
 
 TEST(OptionsYaml, ValuesOutOfRangeNameFileLineAndRange) {
     EXPECT_EQ(complaint("seed: 1\nsh-degree: 7\n"), "run.yaml:2: option sh-degree: 7 is out of range (0..3)");
-    EXPECT_EQ(complaint("image-cache: 1 barrel\n").rfind("run.yaml:1: option image-cache: ", 0), 0u);
+    EXPECT_EQ(complaint("image-cache: 1 barrel\n").rfind("run.yaml:1: image-cache: byte size '1 barrel'", 0), 0u);
     EXPECT_EQ(complaint("resolution: 3\n").rfind("run.yaml:1: option resolution: 3 ", 0), 0u);
 }
 
