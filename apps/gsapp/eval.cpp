@@ -22,6 +22,7 @@
 #include "eval/report/report.h"
 #include "eval/runs/evaluate_run.h"
 #include "eval/runs/protocol.h"
+#include "eval/runs/results.h"
 #include "kernels/base/error.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -159,21 +160,21 @@ void run_eval(const EvalArguments& arguments) {
     const auto team = join_ranks(arguments.ranks, "eval", fmt::format("{}", fmt::join(arguments.runs, " ")));
     if (team && team->rank() > 0) return follow_sharding(*team, started_as("eval"));
     changes.team = team.get();
-    std::vector<TableRow> rows;
+    std::vector<RunResult> runs;
     std::optional<WorkFolder> temporary;
     for (Subject& subject : subjects(arguments, changes, temporary)) {
         if (!arguments.skip_render) evaluate(subject, iteration, changes, protocol, metrics, arguments);
-        rows.push_back(read_table_row(subject.results, iteration));
+        runs.push_back(read_results(subject.results, iteration));
         const bool bare = is_point_cloud(subject.run);
-        if (!bare) read_training(rows.back(), subject.run);
-        if (bare || subject.results != subject.run || !arguments.output.empty()) rows.back().run = subject.run;
+        if (!bare) read_training(runs.back(), subject.run);
+        if (bare || subject.results != subject.run || !arguments.output.empty()) runs.back().run = subject.run;
     }
-    const auto corrected = std::find_if(rows.begin(), rows.end(),
-                                        [&](const TableRow& row) { return row.correction != rows[0].correction; });
-    if (corrected != rows.end())
+    const auto corrected = std::find_if(runs.begin(), runs.end(),
+                                        [&](const RunResult& run) { return run.correction() != runs[0].correction(); });
+    if (corrected != runs.end())
         log_warning("views of {} and {} were corrected differently (column ppisp; protocol in results.json)",
-                    rows[0].run, corrected->run);
-    const Comparison comparison = compare_runs(rows);
+                    runs[0].run, corrected->run);
+    const Comparison comparison = compare_runs(runs);
     std::fputs(format_comparison(comparison, format, arguments.marks).c_str(), stdout);
     if (arguments.html.empty()) return;
     write_report(arguments.html, comparison, {});

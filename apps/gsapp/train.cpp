@@ -21,11 +21,11 @@ namespace {
 
 /// Prints to stdout, or to stderr if a program reads JSON lines on stdout: the table is for the people who read the
 /// messages.
-void print_table(const std::vector<TableRow>& rows, const TrainOptions& options) {
-    if (rows.empty()) return;
+void print_table(const std::vector<RunResult>& runs, const TrainOptions& options) {
+    if (runs.empty()) return;
     const bool terminal = ::isatty(options.json ? STDERR_FILENO : STDOUT_FILENO) != 0;
     const std::string table =
-        format_comparison(compare_runs(rows), terminal ? TableFormat::kTerminal : TableFormat::kMarkdown);
+        format_comparison(compare_runs(runs), terminal ? TableFormat::kTerminal : TableFormat::kMarkdown);
     std::fputs(table.c_str(), options.json ? stderr : stdout);
 }
 
@@ -90,8 +90,8 @@ void add_train_command(CLI::App& app, Command& selected) {
             const auto train = [&](const TrainOptions& one) { return train_run(one, *frame_rounds, live, team.get()); };
             if (*num_runs > 0)
                 print_table(train_seeds(options, *num_runs, train), options);
-            else if (const auto row = train(options))
-                print_table({*row}, options);
+            else if (const auto result = train(options))
+                print_table({*result}, options);
         };
     });
 }

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "eval/report/table.h"
+#include "eval/runs/results.h"
 #include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
 #include "lib/model/run_folder.h"
@@ -21,31 +21,25 @@ void set_folder(TrainOptions& options, const std::filesystem::path& folder) {
         options.tensorboard = (std::filesystem::path(options.tensorboard) / folder.filename()).string();
 }
 
-nlohmann::ordered_json result_json(const JobResult& r) {
-    nlohmann::ordered_json json;
-    json["PSNR"] = std::isfinite(r.psnr) ? nlohmann::ordered_json(r.psnr) : nlohmann::ordered_json(nullptr);
-    json["SSIM"] = r.ssim;
-    json["num_gaussians"] = r.num_gaussians;
-    json["train_seconds"] = r.train_seconds;
-    json["frame_seconds"] = r.frame_seconds;
-    json["bytes"] = r.bytes;
-    if (r.peak_device_bytes) json["peak_device_bytes"] = *r.peak_device_bytes;
-    return json;
+nlohmann::ordered_json job_json(const RunResult& result) {
+    return result_json(
+        result, {"PSNR", "SSIM", "num_gaussians", "train_seconds", "frame_seconds", "bytes", "peak_device_bytes"});
 }
 
-std::optional<JobResult> finished_job(const TrainOptions& options) {
-    const std::optional<TableRow> row = finished_run(options);
-    if (!row || !row->num_gaussians || !row->frame_seconds) return std::nullopt;
+std::optional<RunResult> finished_job(const TrainOptions& options) {
+    std::optional<RunResult> result = finished_run(options);
+    if (!result || !result->num_gaussians || !result->frame_seconds) return std::nullopt;
     std::error_code ignored;
-    std::uintmax_t bytes =
-        std::filesystem::file_size(RunFolder{options.model}.point_cloud(ended_at(options).value_or(0)), ignored);
-    if (options.size_limit) bytes = std::uintmax_t(row->planned_bytes.value_or(std::int64_t(bytes)));
-    return JobResult{row->psnr,           row->ssim,           *row->num_gaussians,    *row->train_seconds,
-                     *row->frame_seconds, std::int64_t(bytes), row->peak_device_bytes, row->protocol};
+    result->bytes = std::int64_t(
+        std::filesystem::file_size(RunFolder{options.model}.point_cloud(ended_at(options).value_or(0)), ignored));
+    const auto planned = nlohmann::ordered_json::json_pointer("/size/bytes");
+    if (options.size_limit && result->plan.contains(planned) && result->plan[planned].is_number_integer())
+        result->bytes = result->plan[planned].get<std::int64_t>();
+    return result;
 }
 
 std::string difference_to_run(const TrainOptions& options) {
-    TableRow run;
+    RunResult run;
     read_training(run, options.model);
     if (run.training.empty()) return "";
     auto now = training_options(options);

@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "eval/experiments/job_claim.h"
-#include "eval/report/table.h"
+#include "eval/runs/results.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
@@ -255,7 +255,7 @@ class JobRunner {
             std::error_code ignored;
             fs::remove(failure_file(k), ignored);  // of an earlier start
             log_info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name(k), outcome.result->psnr,
-                     outcome.result->num_gaussians, outcome.result->train_seconds);
+                     *outcome.result->num_gaussians, *outcome.result->train_seconds);
         } else if (!outcome.error.empty()) {
             log_error("{}: {}", jobs_[k].name, outcome.error);
             if (summary_.num_failed++ == 0) summary_.first_code = outcome.code;

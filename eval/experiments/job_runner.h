@@ -18,7 +18,7 @@ namespace gs {
 
 /// How one job ended: with a result, with an error, or with neither when the user or the deadline stopped it.
 struct JobOutcome {
-    std::optional<JobResult> result = {};
+    std::optional<RunResult> result = {};
     std::string error = {};
     ExitCode code = ExitCode::kOk;
     /// Seconds from start to end of the process; empty if this call did not train the job.

@@ -77,7 +77,7 @@ Json json_of(const SuiteLine& line) {
     json["status"] = line.result ? "finished" : line.error.empty() ? "not trained" : "failed";
     if (!line.error.empty()) json["error"] = line.error;
     if (!line.result) return json;
-    json.update(result_json(*line.result));
+    json.update(job_json(*line.result));
     return json;
 }
 
@@ -135,15 +135,15 @@ std::string format_suite(const std::vector<SuiteLine>& lines, TableStyle style) 
                                   line.error.empty() ? "not trained" : "failed: " + one_line(line.error));
             continue;
         }
-        const JobResult& r = *line.result;
+        const RunResult& r = *line.result;
         table.lines.push_back({{line.row},
                                {line.appearance},
                                {fmt::format("{:.2f}", r.psnr)},
                                {fmt::format("{:.4f}", r.ssim)},
-                               {fmt::format("{}", r.num_gaussians)},
-                               {fmt::format("{:.1f}", r.train_seconds)},
-                               {fmt::format("{:.1f}", r.frame_seconds > 0 ? 1 / r.frame_seconds : 0)},
-                               {fmt::format("{:.1f}", 1e-6 * double(r.bytes))}});
+                               {fmt::format("{}", *r.num_gaussians)},
+                               {fmt::format("{:.1f}", *r.train_seconds)},
+                               {fmt::format("{:.1f}", r.fps().value_or(0))},
+                               {fmt::format("{:.1f}", 1e-6 * double(*r.bytes))}});
     }
     std::string text = table.lines.empty() ? "No run was trained to its end.\n" : table_text(table, style);
     if (!others.empty()) text += "\nWithout a result:\n\n" + others;

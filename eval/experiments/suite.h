@@ -19,7 +19,7 @@ struct SuiteLine {
     std::string row;  ///< what the suite varies: "MCMC 0.1x", "softplus, opacity rate auto"
     std::string appearance;
     Job job;
-    std::optional<JobResult> result = {};
+    std::optional<RunResult> result = {};
     std::string error = {};  ///< why there is no result; empty: the job was not reached
 };
 

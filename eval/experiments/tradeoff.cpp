@@ -45,8 +45,8 @@ constexpr double kSame = 0.05;  ///< costs that differ by a smaller share count 
 std::vector<Objectives> objectives(const Tradeoff& tradeoff, const std::vector<std::size_t>& runs) {
     std::vector<Objectives> points;
     for (const std::size_t k : runs) {
-        const JobResult& r = *tradeoff.runs[k].result;
-        points.push_back({-quality_of(r, tradeoff.quality), r.train_seconds, r.frame_seconds, double(r.bytes)});
+        const RunResult& r = *tradeoff.runs[k].result;
+        points.push_back({-quality_of(r, tradeoff.quality), *r.train_seconds, *r.frame_seconds, double(*r.bytes)});
     }
     return points;
 }
@@ -69,8 +69,8 @@ class Recommender {
 
     std::vector<Recommendation> recommend() const {
         if (front_.empty()) return {};
-        const auto bytes = [](const JobResult& r) { return double(r.bytes); };
-        const auto frame = [](const JobResult& r) { return r.frame_seconds; };
+        const auto bytes = [](const RunResult& r) { return double(*r.bytes); };
+        const auto frame = [](const RunResult& r) { return *r.frame_seconds; };
         const std::size_t smallest = least(bytes), fastest = least(frame), best = front_.front();
         std::vector<std::string> given_up;
         if (smallest != best)
@@ -87,7 +87,7 @@ class Recommender {
     }
 
   private:
-    const JobResult& result(std::size_t k) const { return *tradeoff_.runs[k].result; }
+    const RunResult& result(std::size_t k) const { return *tradeoff_.runs[k].result; }
     double quality(std::size_t k) const { return quality_of(result(k), tradeoff_.quality); }
 
     /// Returns the run of least cost among those near enough to the best in quality, or a better one that costs about
@@ -103,11 +103,11 @@ class Recommender {
     }
 
     std::string described(std::size_t k) const {
-        const JobResult& r = result(k);
+        const RunResult& r = result(k);
         return fmt::format("{} ({}, {}, {} FPS, trained in {})",
                            configuration_name(tradeoff_.axes, tradeoff_.runs[k].configuration),
-                           quality_text(quality(k), tradeoff_.quality), bytes_text(r.bytes), fps_text(r),
-                           duration_text(r.train_seconds));
+                           quality_text(quality(k), tradeoff_.quality), bytes_text(*r.bytes), fps_text(r),
+                           duration_text(*r.train_seconds));
     }
 
     std::string nothing_is(const std::string& adjective) const {
@@ -118,13 +118,13 @@ class Recommender {
     std::string against_best(std::size_t k, const std::string& adjective) const {
         const std::size_t best = front_.front();
         if (k == best) return "the best itself; " + nothing_is(adjective);
-        const JobResult &own = result(k), &other = result(best);
+        const RunResult &own = result(k), &other = result(best);
         return fmt::format("{}; gives up {} against the best, and is {}, {}, {}", described(k),
                            loss_text(quality(best) - quality(k), tradeoff_.quality),
-                           compared(double(own.bytes), double(other.bytes), "smaller", "larger", "about as large"),
-                           compared(own.train_seconds, other.train_seconds, "faster to train", "slower to train",
+                           compared(double(*own.bytes), double(*other.bytes), "smaller", "larger", "about as large"),
+                           compared(*own.train_seconds, *other.train_seconds, "faster to train", "slower to train",
                                     "about as fast to train"),
-                           compared(own.frame_seconds, other.frame_seconds, "faster to render", "slower to render",
+                           compared(*own.frame_seconds, *other.frame_seconds, "faster to render", "slower to render",
                                     "about as fast to render"));
     }
 
@@ -178,7 +178,7 @@ std::vector<std::size_t> better_half(const std::vector<Objectives>& points) {
 
 std::string quality_name(Quality quality) { return quality == Quality::kPsnr ? "PSNR" : "SSIM"; }
 
-double quality_of(const JobResult& result, Quality quality) {
+double quality_of(const RunResult& result, Quality quality) {
     return quality == Quality::kPsnr ? result.psnr : result.ssim;
 }
 

@@ -37,7 +37,7 @@ enum class RunState { kNotReached, kFinished, kFailed, kStopped, kNoTime };
 struct TradeoffRun {
     Configuration configuration;
     RunState state = RunState::kNotReached;
-    std::optional<JobResult> result = {};  ///< where finished
+    std::optional<RunResult> result = {};  ///< where finished
     std::string error = {};                ///< where failed
 };
 
@@ -52,7 +52,7 @@ struct Tradeoff {
 
 /// Returns "PSNR" or "SSIM".
 std::string quality_name(Quality quality);
-double quality_of(const JobResult& result, Quality quality);
+double quality_of(const RunResult& result, Quality quality);
 
 /// The indices of the finished runs, each list by falling quality.
 struct Ranking {

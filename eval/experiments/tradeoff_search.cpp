@@ -95,7 +95,7 @@ class Search {
         else if (deadline_ && Clock::now() >= *deadline_)
             run.state = RunState::kStopped;
         if (outcome.result)
-            time_plan_.add(run.configuration.options, outcome.result->train_seconds, outcome.wall_seconds);
+            time_plan_.add(run.configuration.options, *outcome.result->train_seconds, outcome.wall_seconds);
         if (outcome.wall_seconds)
             write_tradeoff(folder_, tradeoff_);  // jobs that were finished before need no file each
     }

@@ -53,20 +53,19 @@ Json json_of(const Tradeoff& tradeoff, const TradeoffRun& run, bool in_frontier)
     if (!run.error.empty()) json["error"] = run.error;
     if (!run.result) return json;
     json["pareto_optimal"] = in_frontier;
-    json.update(result_json(*run.result));
+    json.update(job_json(*run.result));
     return json;
 }
 
+/// A cost of the plots: the field that has it, and its unit.
 struct Cost {
-    const char *title, *axis;
-    double (*value)(const JobResult&);  ///< 0: not measured
+    const char *field, *title, *axis;
+    double unit;  ///< factor on the field
 };
-constexpr Cost kCosts[] = {
-    {"training time", "training time, s", [](const JobResult& r) { return r.train_seconds; }},
-    {"frame time", "time of a frame, ms", [](const JobResult& r) { return 1e3 * r.frame_seconds; }},
-    {"size", "size of the scene, MB", [](const JobResult& r) { return 1e-6 * double(r.bytes); }},
-    {"peak memory of the training", "peak memory, GiB",
-     [](const JobResult& r) { return double(r.peak_device_bytes.value_or(0)) / double(1 << 30); }}};
+constexpr Cost kCosts[] = {{"train_seconds", "training time", "training time, s", 1},
+                           {"frame_seconds", "frame time", "time of a frame, ms", 1e3},
+                           {"bytes", "size", "size of the scene, MB", 1e-6},
+                           {"peak_device_bytes", "peak memory of the training", "peak memory, GiB", 1.0 / (1 << 30)}};
 
 /// Where the value of the first axis stands among its values: runs that share it share a colour.
 int series_of(const Tradeoff& tradeoff, const TradeoffRun& run) {
@@ -83,7 +82,8 @@ std::string plot(const Tradeoff& tradeoff, const Ranking& ranking, const std::ve
     plot.log_x = plot.connect_front = true;
     const auto add = [&](std::size_t k, bool optimal) {
         const TradeoffRun& run = tradeoff.runs[k];
-        const double x = cost.value(*run.result), y = quality_of(*run.result, tradeoff.quality);
+        const double x = cost.unit * field_number(*run.result, result_field(cost.field)).value_or(0),
+                     y = quality_of(*run.result, tradeoff.quality);
         if (!(x > 0) || !std::isfinite(y)) return;
         plot.points.push_back(
             {.x = x,
@@ -122,9 +122,7 @@ std::string bytes_text(std::int64_t bytes) {
     return fmt::format("{:.{}f} MB", 1e-6 * double(bytes), bytes < 10'000'000 ? 2 : bytes < 100'000'000 ? 1 : 0);
 }
 
-std::string fps_text(const JobResult& result) {
-    return result.frame_seconds > 0 ? fmt::format("{:.1f}", 1 / result.frame_seconds) : "-";
-}
+std::string fps_text(const RunResult& result) { return result.fps() ? fmt::format("{:.1f}", *result.fps()) : "-"; }
 
 TextTable tradeoff_table(const Tradeoff& tradeoff) {
     const Ranking ranking = rank_runs(tradeoff);
@@ -143,7 +141,7 @@ TextTable tradeoff_table(const Tradeoff& tradeoff) {
     order.insert(order.end(), ranking.dominated.begin(), ranking.dominated.end());
     for (std::size_t i = 0; i < order.size(); ++i) {
         const TradeoffRun& run = tradeoff.runs[order[i]];
-        const JobResult& r = *run.result;
+        const RunResult& r = *run.result;
         std::vector<TextCell> line;
         const auto add = [&](const std::string& text) { line.push_back({text, "", 0}); };
         for (const std::string& value : run.configuration.values) add(value);
@@ -151,10 +149,10 @@ TextTable tradeoff_table(const Tradeoff& tradeoff) {
         add(i >= table.first_grey ? "dominated" : title.empty() ? "optimal" : "optimal: " + title);
         add(fmt::format("{:.2f}", r.psnr));
         add(fmt::format("{:.4f}", r.ssim));
-        add(std::to_string(r.num_gaussians));
-        add(duration_text(r.train_seconds));
+        add(std::to_string(*r.num_gaussians));
+        add(duration_text(*r.train_seconds));
         add(fps_text(r));
-        add(bytes_text(r.bytes));
+        add(bytes_text(*r.bytes));
         if (memory)
             add(r.peak_device_bytes ? fmt::format("{:.2f} GiB", double(*r.peak_device_bytes) / double(1 << 30)) : "-");
         table.lines.push_back(std::move(line));
@@ -175,7 +173,7 @@ std::vector<std::string> tradeoff_notes(const Tradeoff& tradeoff) {
         fmt::format("One run each (seed {}): small differences may be chance, and times depend on what else the "
                     "machine did. Size: of the PLY.",
                     finished->configuration.options.seed));
-    notes.push_back(finished->result->protocol);
+    notes.push_back(finished->result->protocol_line());
     return notes;
 }
 

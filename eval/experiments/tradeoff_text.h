@@ -16,7 +16,7 @@ std::string loss_text(double difference, Quality quality);
 /// Formats a size: "4.8 MB".
 std::string bytes_text(std::int64_t bytes);
 /// Formats the frames per second of a result: "143.2".
-std::string fps_text(const JobResult& result);
+std::string fps_text(const RunResult& result);
 
 /// Tabulates the finished runs: the frontier, then the dominated ones in grey.
 TextTable tradeoff_table(const Tradeoff& tradeoff);

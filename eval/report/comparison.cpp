@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists the columns and their values, groups rows into tables and lines, and averages what was repeated.
+// Lists the columns and their values, groups runs into tables and lines, and averages what was repeated.
 #include "eval/report/comparison.h"
 
 #include <fmt/format.h>
@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 #include <tuple>
+#include <utility>
 
 #include "eval/metrics/metrics.h"
 #include "kernels/base/error.h"
@@ -33,67 +34,49 @@ std::vector<MetricInfo> column_metrics() {
     return metrics;
 }
 
-std::optional<double> as_double(const std::optional<std::int64_t>& n) {
-    return n ? std::optional(double(*n)) : std::nullopt;
+Column cost_column(const char* name, const char* title, Better better, std::string (*text)(double),
+                   std::vector<ColumnUnit> units = {}) {
+    return {name, title, better, text, &result_field(name), std::move(units)};
 }
 
 const std::vector<Column>& cost_columns() {
     static const std::vector<Column> columns = {
-        {"residual_share",
-         "residuals",
-         Better::kNeither,
-         percent,
-         [](const TableRow& r) { return r.residual_share; },
-         {{"%", 100, 1}}},
-        {"bytes_per_gaussian", "bytes/G", Better::kLower, whole,
-         [](const TableRow& r) { return as_double(r.bytes_per_gaussian); }},
-        {"ply_bytes_per_gaussian", "PLY B/G", Better::kLower, whole,
-         [](const TableRow& r) { return as_double(r.ply_bytes_per_gaussian); }},
-        {"web_bytes_per_gaussian", "web B/G", Better::kLower, whole,
-         [](const TableRow& r) { return as_double(r.web_bytes_per_gaussian); }},
-        {"num_gaussians", "#Gs", Better::kNeither, whole, [](const TableRow& r) { return as_double(r.num_gaussians); }},
-        {"train_seconds",
-         "train time",
-         Better::kLower,
-         duration_text,
-         [](const TableRow& r) { return r.train_seconds; },
-         {{"s", 1, 1}, {"min", 1 / 60.0, 1}, {"h", 1 / 3600.0, 2}}},
-        {"peak_device_bytes",
-         "peak memory",
-         Better::kLower,
-         gibibytes,
-         [](const TableRow& r) { return as_double(r.peak_device_bytes); },
-         {{"GiB", 1 / double(1 << 30), 2}}},
-        {"fps", "FPS", Better::kHigher, one_digit, [](const TableRow& r) {
-             return r.frame_seconds && *r.frame_seconds > 0 ? std::optional(1 / *r.frame_seconds) : std::nullopt;
-         }}};
+        cost_column("residual_share", "residuals", Better::kNeither, percent, {{"%", 100, 1}}),
+        cost_column("bytes_per_gaussian", "bytes/G", Better::kLower, whole),
+        cost_column("ply_bytes_per_gaussian", "PLY B/G", Better::kLower, whole),
+        cost_column("web_bytes_per_gaussian", "web B/G", Better::kLower, whole),
+        cost_column("num_gaussians", "#Gs", Better::kNeither, whole),
+        cost_column("train_seconds", "train time", Better::kLower, duration_text,
+                    {{"s", 1, 1}, {"min", 1 / 60.0, 1}, {"h", 1 / 3600.0, 2}}),
+        cost_column("peak_device_bytes", "peak memory", Better::kLower, gibibytes, {{"GiB", 1 / double(1 << 30), 2}}),
+        {"fps", "FPS", Better::kHigher, one_digit, &result_field("frame_seconds")}};
     return columns;
 }
 
 using Sample = std::vector<std::optional<double>>;  ///< one value per column
 
-bool same_experiment(const TableRow& a, const TableRow& b) {
-    if (a.training.empty() || a.scene != b.scene || a.correction != b.correction || a.training != b.training)
+bool same_experiment(const RunResult& a, const RunResult& b) {
+    if (a.training.empty() || a.scene != b.scene || a.correction() != b.correction() || a.training != b.training)
         return false;
     // Under a time limit the number of iterations is chance.
     const auto limit = a.training.find("time-limit");
     return a.iteration == b.iteration || (limit != a.training.end() && !limit->second.empty());
 }
 
-std::string label_of(const std::vector<TableRow>& rows) {
-    if (rows.size() == 1) return rows[0].run;
-    return fmt::format("{} .. {} ({} runs)", rows.front().run, rows.back().run, rows.size());
+std::string label_of(const std::vector<RunResult>& runs) {
+    if (runs.size() == 1) return runs[0].run;
+    return fmt::format("{} .. {} ({} runs)", runs.front().run, runs.back().run, runs.size());
 }
 
-Sample sample_of(const TableRow& row, const std::vector<Column>& columns) {
+Sample sample_of(const RunResult& run, const std::vector<Column>& columns) {
     Sample sample;
-    for (const Column& column : columns) sample.push_back(column_value(column, row));
+    for (const Column& column : columns) sample.push_back(column_value(column, run));
     return sample;
 }
 
 std::vector<Sample> samples_of(const ComparisonLine& line, const std::vector<Column>& columns) {
     std::vector<Sample> samples;
-    for (const TableRow& row : line.rows) samples.push_back(sample_of(row, columns));
+    for (const RunResult& run : line.runs) samples.push_back(sample_of(run, columns));
     return samples;
 }
 
@@ -124,7 +107,7 @@ Sample mean_sample(const std::vector<Sample>& samples) {
 
 std::vector<std::uint64_t> seeds_of(const ComparisonLine& line) {
     std::vector<std::uint64_t> seeds;
-    for (const TableRow& row : line.rows) seeds.push_back(row.seed);
+    for (const RunResult& run : line.runs) seeds.push_back(run.seed);
     return seeds;
 }
 
@@ -135,7 +118,7 @@ ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, co
     line.label = fmt::format("mean of {} scenes", scenes.size());
     const bool paired = std::all_of(scenes.begin(), scenes.end(),
                                     [&](const ComparisonLine* s) { return seeds_of(*s) == seeds_of(line); });
-    const std::size_t num_runs = paired ? line.rows.size() : 1;
+    const std::size_t num_runs = paired ? line.runs.size() : 1;
     std::vector<Sample> runs;
     for (std::size_t k = 0; k < num_runs; ++k) {
         std::vector<Sample> per_scene;
@@ -149,7 +132,7 @@ ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, co
     if (num_runs > 1) line.label += fmt::format(", {} runs each", num_runs);
     line.values = stats_of(runs, columns);
     for (std::size_t k = 1; k < scenes.size(); ++k)
-        line.rows.insert(line.rows.end(), scenes[k]->rows.begin(), scenes[k]->rows.end());
+        line.runs.insert(line.runs.end(), scenes[k]->runs.begin(), scenes[k]->runs.end());
     return line;
 }
 
@@ -165,14 +148,14 @@ void name_options(ComparisonTable& table) {
     for (const auto& [look, lines] : looks) {
         std::set<std::string> keys;
         for (const ComparisonLine* line : lines)
-            for (const auto& [key, text] : line->rows[0].training) {
-                const auto& other = lines[0]->rows[0].training;
+            for (const auto& [key, text] : line->runs[0].training) {
+                const auto& other = lines[0]->runs[0].training;
                 if (const auto found = other.find(key); found == other.end() || found->second != text) keys.insert(key);
             }
         for (ComparisonLine* line : lines)
             for (const std::string& key : keys) {
-                const auto found = line->rows[0].training.find(key);
-                if (found == line->rows[0].training.end()) continue;
+                const auto found = line->runs[0].training.find(key);
+                if (found == line->runs[0].training.end()) continue;
                 line->options += fmt::format("{}{} {}", line->options.empty() ? "" : ", ", key, found->second);
             }
     }
@@ -199,25 +182,25 @@ void give_places(ComparisonTable& table, const std::vector<Column>& columns) {
     }
 }
 
-std::vector<ComparisonLine> grouped(const std::vector<TableRow>& rows) {
+std::vector<ComparisonLine> grouped(const std::vector<RunResult>& runs) {
     std::vector<ComparisonLine> lines;
-    for (const TableRow& row : rows) {
+    for (const RunResult& run : runs) {
         const auto same = std::find_if(lines.begin(), lines.end(),
-                                       [&](const ComparisonLine& line) { return same_experiment(line.rows[0], row); });
+                                       [&](const ComparisonLine& line) { return same_experiment(line.runs[0], run); });
         if (same == lines.end()) {
             ComparisonLine line;
-            line.rows = {row};
-            line.model = row.model, line.strategy = row.strategy, line.correction = row.correction;
+            line.runs = {run};
+            line.model = run.model, line.strategy = run.strategy, line.correction = run.correction();
             lines.push_back(line);
         } else {
-            same->rows.push_back(row);
+            same->runs.push_back(run);
         }
     }
     for (ComparisonLine& line : lines) {
-        std::stable_sort(line.rows.begin(), line.rows.end(),
-                         [](const TableRow& a, const TableRow& b) { return a.seed < b.seed; });
-        line.label = label_of(line.rows);
-        line.num_runs = line.rows.size();
+        std::stable_sort(line.runs.begin(), line.runs.end(),
+                         [](const RunResult& a, const RunResult& b) { return a.seed < b.seed; });
+        line.label = label_of(line.runs);
+        line.num_runs = line.runs.size();
     }
     return lines;
 }
@@ -254,14 +237,25 @@ std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& 
     return tables;
 }
 
+/// Throws UsageError naming runs and protocols unless all runs have one protocol, or all state none.
+void require_one_protocol(const std::vector<RunResult>& runs) {
+    if (std::all_of(runs.begin(), runs.end(),
+                    [&](const RunResult& run) { return run.protocol_line() == runs[0].protocol_line(); }))
+        return;
+    std::string message = "scores of different protocols do not compare; evaluate the runs again with one --protocol:";
+    for (const RunResult& run : runs) {
+        const std::string line = run.protocol_line();
+        message += fmt::format("\n  {}: {}", run.run, line.empty() ? "protocol not stated by the file" : line);
+    }
+    throw UsageError(message);
+}
+
 }  // namespace
 
-std::vector<Column> table_columns(const std::vector<TableRow>& rows) {
+std::vector<Column> table_columns(const std::vector<RunResult>& runs) {
     std::set<std::string> wanted = {"PSNR", "SSIM"};
-    for (const TableRow& row : rows) {
-        for (const auto& [name, value] : row.further_metrics) wanted.insert(name);
-        for (const auto& [name, reason] : row.not_measured) wanted.insert(name);
-    }
+    for (const RunResult& run : runs)
+        for (const auto& [name, score] : run.scores) wanted.insert(name);
     std::vector<Column> columns;
     for (const MetricInfo& m : column_metrics())
         if (wanted.erase(m.key) > 0)
@@ -279,12 +273,13 @@ const ColumnUnit& column_unit(const Column& column, double largest) {
     return *unit;
 }
 
-std::optional<double> column_value(const Column& column, const TableRow& row) {
-    if (column.cost) return column.cost(row);
-    if (column.key == "PSNR") return row.psnr;
-    if (column.key == "SSIM") return row.ssim;
-    const auto found = row.further_metrics.find(column.key);
-    return found == row.further_metrics.end() ? std::nullopt : std::optional(found->second);
+std::optional<double> column_value(const Column& column, const RunResult& result) {
+    if (column.key == "fps") return result.fps();
+    if (column.cost) return field_number(result, *column.cost);
+    if (column.key == "PSNR") return result.psnr;
+    if (column.key == "SSIM") return result.ssim;
+    const auto found = result.scores.find(column.key);
+    return found == result.scores.end() ? std::nullopt : found->second.value;
 }
 
 ColumnStats column_stats(const std::vector<double>& values, Better better) {
@@ -305,26 +300,27 @@ ColumnStats column_stats(const std::vector<double>& values, Better better) {
     return stats;
 }
 
-Comparison compare_runs(const std::vector<TableRow>& rows) {
-    require_one_protocol(rows);
+Comparison compare_runs(const std::vector<RunResult>& runs) {
+    require_one_protocol(runs);
     std::set<std::filesystem::path> folders;
-    for (const TableRow& row : rows) {
+    for (const RunResult& run : runs) {
         std::error_code ignored;
-        if (!row.folder.empty() && !folders.insert(std::filesystem::weakly_canonical(row.folder, ignored)).second)
-            throw UsageError(fmt::format("{} is named twice; it would be counted as two runs", row.folder.string()));
+        if (!run.folder.empty() && !folders.insert(std::filesystem::weakly_canonical(run.folder, ignored)).second)
+            throw UsageError(fmt::format("{} is named twice; it would be counted as two runs", run.folder.string()));
     }
     Comparison comparison;
-    if (rows.empty()) return comparison;
-    comparison.protocol = rows[0].protocol.empty() ? "protocol: not stated by the files" : rows[0].protocol;
-    comparison.columns = table_columns(rows);
-    for (ComparisonLine& line : grouped(rows)) {
+    if (runs.empty()) return comparison;
+    const std::string protocol = runs[0].protocol_line();
+    comparison.protocol = protocol.empty() ? "protocol: not stated by the files" : protocol;
+    comparison.columns = table_columns(runs);
+    for (ComparisonLine& line : grouped(runs)) {
         line.values = stats_of(samples_of(line, comparison.columns), comparison.columns);
-        const TableRow& row = line.rows[0];
+        const RunResult& run = line.runs[0];
         auto& tables = comparison.tables;
         auto table = std::find_if(tables.begin(), tables.end(), [&](const ComparisonTable& t) {
-            return t.dataset == row.dataset && t.scene == row.scene;
+            return t.dataset == run.dataset && t.scene == run.scene;
         });
-        if (table == tables.end()) table = tables.insert(tables.end(), {row.dataset, row.scene, 1, {}});
+        if (table == tables.end()) table = tables.insert(tables.end(), {run.dataset, run.scene, 1, {}});
         table->lines.push_back(std::move(line));
     }
     for (ComparisonTable& table : comparison.tables) {

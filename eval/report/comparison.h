@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "eval/pages/text_table.h"
-#include "eval/report/table.h"
+#include "eval/runs/run_result.h"
 
 namespace gs {
 
@@ -24,23 +24,23 @@ struct ColumnUnit {
 
 /// A column: its names, and how its values are read and written.
 struct Column {
-    std::string key;    ///< name in CSV and JSON; a metric's name in results.json
+    std::string key;    ///< name in CSV and JSON: of the metric or the field, or fps of frame_seconds
     std::string title;  ///< heading for readers
     Better better = Better::kNeither;
-    std::string (*text)(double) = nullptr;                     ///< value rounded for readers, with its unit
-    std::optional<double> (*cost)(const TableRow&) = nullptr;  ///< value of a cost; null for a metric
-    std::vector<ColumnUnit> units = {};                        ///< from small to large; empty for pure numbers
+    std::string (*text)(double) = nullptr;  ///< value rounded for readers, with its unit
+    const ResultField* cost = nullptr;      ///< the field that is shown; null for a metric
+    std::vector<ColumnUnit> units = {};     ///< from small to large; empty for pure numbers
 };
 
 /// Returns the largest unit of which `largest` has at least two, or the smallest. The column must have units.
 const ColumnUnit& column_unit(const Column& column, double largest);
 
-/// Returns PSNR, SSIM, every other metric that a row has or was asked for (those of unknown names last), then the
+/// Returns PSNR, SSIM, every other metric that a result has or was asked for (those of unknown names last), then the
 /// bytes of a Gaussian, #Gs, train time, peak memory and FPS.
-std::vector<Column> table_columns(const std::vector<TableRow>& rows);
+std::vector<Column> table_columns(const std::vector<RunResult>& runs);
 
-/// Returns the row's value; empty where it has none.
-std::optional<double> column_value(const Column& column, const TableRow& row);
+/// Returns the value of a result; empty where it has none.
+std::optional<double> column_value(const Column& column, const RunResult& result);
 
 /// The statistics of one column over the runs of a line.
 struct ColumnStats {
@@ -53,8 +53,8 @@ struct ColumnStats {
 
 /// Runs that differ only by their seed.
 struct ComparisonLine {
-    std::vector<TableRow> rows;  ///< ordered by seed; for a dataset the rows of all its scenes
-    std::string label;           ///< name of the run, or first and last name and number of runs
+    std::vector<RunResult> runs;  ///< ordered by seed; for a dataset the runs of all its scenes
+    std::string label;            ///< name of the run, or first and last name and number of runs
     std::string model, strategy, correction;
     std::string options;  ///< "key value, ...": differences between lines of one model and strategy
     std::size_t num_runs = 1;
@@ -71,19 +71,19 @@ struct ComparisonTable {
 
 /// The tables of all scenes and datasets.
 struct Comparison {
-    std::string protocol;  ///< protocol_line of all rows, or a note that none is stated
+    std::string protocol;  ///< protocol_line of all runs, or a note that none is stated
     std::vector<Column> columns;
-    std::vector<ComparisonTable> tables;  ///< tables of scenes in the order of the rows, then of datasets
+    std::vector<ComparisonTable> tables;  ///< tables of scenes in the order of the runs, then of datasets
 };
 
 /// Returns mean, deviation and worst of at least one value.
 ColumnStats column_stats(const std::vector<double>& values, Better better);
 
-/// Groups rows of equal scene, iteration, correction and training options. A row without options gets a line of its
+/// Groups runs of equal scene, iteration, correction and training options. A run without options gets a line of its
 /// own. A line of a dataset takes the mean over the scenes run by run (runs are paired by seed), then the mean over
 /// runs. Where the seeds of the scenes differ it is the mean of the scenes' means, without deviation. Throws UsageError
 /// when protocols differ or a folder is named twice.
-Comparison compare_runs(const std::vector<TableRow>& rows);
+Comparison compare_runs(const std::vector<RunResult>& runs);
 
 /// The formats of format_comparison.
 enum class TableFormat { kMarkdown, kTerminal, kCsv, kLatex, kJson };

@@ -30,20 +30,20 @@ TextCell cell_of(const ComparisonLine& line, const Column& column, const ColumnU
                 stats->place};
     }
     if (column.cost) return {"-", "", 0};
-    const auto lacks_weights = [&](const TableRow& row) {
-        const auto reason = row.not_measured.find(column.key);
-        return reason != row.not_measured.end() && reason->second.find("no weights") != std::string::npos;
+    const auto lacks_weights = [&](const RunResult& run) {
+        const auto score = run.scores.find(column.key);
+        return score != run.scores.end() && score->second.reason.find("no weights") != std::string::npos;
     };
-    return {std::any_of(line.rows.begin(), line.rows.end(), lacks_weights) ? "no weights" : "not measured", "", 0};
+    return {std::any_of(line.runs.begin(), line.runs.end(), lacks_weights) ? "no weights" : "not measured", "", 0};
 }
 
 /// Returns the lowest PSNR and its run.
 TextCell worst_cell(const ComparisonLine& line, const Column& psnr, const std::optional<ColumnStats>& stats) {
     if (line.num_runs < 2 || !stats) return {"-", "", 0};
     const std::string value = psnr.text(stats->worst);
-    // A dataset's k-th run has one row in every scene, so that the seed names it.
-    return {line.num_scenes > 1 ? fmt::format("{} (seed {})", value, line.rows[stats->worst_run].seed)
-                                : fmt::format("{} ({})", value, line.rows[stats->worst_run].run),
+    // A dataset's k-th run has one in every scene, so that the seed names it.
+    return {line.num_scenes > 1 ? fmt::format("{} (seed {})", value, line.runs[stats->worst_run].seed)
+                                : fmt::format("{} ({})", value, line.runs[stats->worst_run].run),
             "", 0};
 }
 
@@ -96,9 +96,9 @@ Json json_of(const ComparisonLine& line, const std::vector<Column>& columns) {
     Json json = {{"model", line.model},           {"strategy", line.strategy}, {"options", line.options},
                  {"ppisp_eval", line.correction}, {"num_runs", line.num_runs}, {"num_scenes", line.num_scenes},
                  {"runs", Json::array()},         {"values", Json::object()}};
-    for (const TableRow& row : line.rows)
+    for (const RunResult& run : line.runs)
         json["runs"].push_back(
-            {{"run", row.run}, {"scene", row.scene}, {"seed", row.seed}, {"iteration", row.iteration}});
+            {{"run", run.run}, {"scene", run.scene}, {"seed", run.seed}, {"iteration", run.iteration}});
     for (std::size_t c = 0; c < columns.size(); ++c)
         json["values"][columns[c].key] = line.values[c] ? json_of(*line.values[c], line) : Json(nullptr);
     return json;

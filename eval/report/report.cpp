@@ -17,15 +17,15 @@
 namespace gs {
 namespace {
 
-/// Returns the rows of all scenes. The tables of datasets repeat them and are skipped.
-std::vector<const TableRow*> rows_of(const Comparison& comparison) {
-    std::vector<const TableRow*> rows;
+/// Returns the runs of all scenes. The tables of datasets repeat them and are skipped.
+std::vector<const RunResult*> runs_of(const Comparison& comparison) {
+    std::vector<const RunResult*> runs;
     for (const ComparisonTable& table : comparison.tables) {
         if (table.scene.empty() && !table.dataset.empty()) continue;
         for (const ComparisonLine& line : table.lines)
-            for (const TableRow& row : line.rows) rows.push_back(&row);
+            for (const RunResult& run : line.runs) runs.push_back(&run);
     }
-    return rows;
+    return runs;
 }
 
 struct Cost {
@@ -46,11 +46,11 @@ std::string report_tables(const Comparison& comparison) {
 std::string report_frame_times(const Comparison& comparison) {
     std::vector<FrameTimesLine> lines;
     std::vector<std::string> unmeasured;
-    for (const TableRow* row : rows_of(comparison)) {
-        if (row->frame_times)
-            lines.push_back({row->run, row->scene, row->model, row->num_gaussians, *row->frame_times});
+    for (const RunResult* run : runs_of(comparison)) {
+        if (run->frame_times)
+            lines.push_back({run->run, run->scene, run->model, run->num_gaussians, *run->frame_times});
         else
-            unmeasured.push_back(row->run);
+            unmeasured.push_back(run->run);
     }
     std::string html;
     if (!lines.empty()) {
@@ -68,8 +68,8 @@ std::string report_frame_times(const Comparison& comparison) {
 
 std::string report_stability(const Comparison& comparison) {
     std::vector<std::string> models;
-    for (const TableRow* row : rows_of(comparison))
-        models.push_back(row->model.substr(0, row->model.find(' ')));  // no degree
+    for (const RunResult* run : runs_of(comparison))
+        models.push_back(run->model.substr(0, run->model.find(' ')));  // no degree
     TextTable table = stability_table(measure_stability(models));
     table.title = "Largest errors of single precision at the extremes of every input";
     return html_table(table, "");

@@ -63,16 +63,16 @@ class Images {
 };
 
 /// Returns file index and name of up to `max_views` test views that the run has pictures of.
-std::vector<std::pair<int, std::string>> views_of(const TableRow& row, int max_views) {
+std::vector<std::pair<int, std::string>> views_of(const RunResult& run, int max_views) {
     std::vector<std::pair<int, std::string>> all, chosen;
-    if (!path_exists(RunFolder{row.folder}.per_view())) return {};
-    const Json json = try_parse_ordered_json(read_input(RunFolder{row.folder}.per_view()));
-    const std::string key = fmt::format("ours_{}", row.iteration);
+    if (!path_exists(RunFolder{run.folder}.per_view())) return {};
+    const Json json = try_parse_ordered_json(read_input(RunFolder{run.folder}.per_view()));
+    const std::string key = fmt::format("ours_{}", run.iteration);
     if (json.is_object() && json.contains("image_names") && json.at("image_names").contains(key))
         for (const auto& [picture, name] : json.at("image_names").at(key).items())
             all.emplace_back(int(all.size()), name.is_string() ? name.get<std::string>() : picture);
     const auto missing = [&](const auto& view) {
-        return !path_exists(RunFolder{row.folder}.render("test", row.iteration, view.first));
+        return !path_exists(RunFolder{run.folder}.render("test", run.iteration, view.first));
     };
     all.erase(std::remove_if(all.begin(), all.end(), missing), all.end());
     const std::size_t count = std::min<std::size_t>(std::size_t(max_views), all.size());
@@ -80,21 +80,21 @@ std::vector<std::pair<int, std::string>> views_of(const TableRow& row, int max_v
     return chosen;
 }
 
-Json layers_of(const TableRow& row, const std::vector<std::pair<int, std::string>>& views, Images& images) {
-    const RunFolder folder{row.folder};
+Json layers_of(const RunResult& run, const std::vector<std::pair<int, std::string>>& views, Images& images) {
+    const RunFolder folder{run.folder};
     Json layers = {{"full", Json::array()},
                    {"base", Json::array()},
                    {"residual", Json::array()},
                    {"reference", Json::array()},
                    {"error", Json::array()}};
     for (const auto& [index, name] : views) {
-        const Image full = read_image(folder.render("test", row.iteration, index)),
-                    truth = read_image(folder.ground_truth("test", row.iteration, index));
+        const Image full = read_image(folder.render("test", run.iteration, index)),
+                    truth = read_image(folder.ground_truth("test", run.iteration, index));
         layers["full"].push_back(images.add(full));
         layers["reference"].push_back(images.add(truth));
         layers["error"].push_back(full.u8.size() == truth.u8.size() ? images.add(error_of(full, truth)) : -1);
         for (const char* part : {"base", "residual"}) {
-            const auto path = folder.picture_part("test", row.iteration, part, index);
+            const auto path = folder.picture_part("test", run.iteration, part, index);
             layers[part].push_back(path_exists(path) ? images.add(read_image(path)) : -1);
         }
     }
@@ -110,13 +110,13 @@ std::string report_pictures(const Comparison& comparison, const ReportOptions& o
         if (table.scene.empty() && !table.dataset.empty()) continue;
         Json runs = Json::array(), names = Json::array();
         for (const ComparisonLine& line : table.lines) {
-            const auto views = views_of(line.rows[0], options.max_views);
+            const auto views = views_of(line.runs[0], options.max_views);
             Json own = Json::array();
             for (const auto& view : views) own.push_back(view.second);
             if (names.empty()) names = own;
             if (own.empty() || own != names) continue;  // runs with other views than the first one do not compare
-            runs.push_back({{"label", line.rows[0].run + (line.model.empty() ? "" : ", " + line.model)},
-                            {"layers", layers_of(line.rows[0], views, images)}});
+            runs.push_back({{"label", line.runs[0].run + (line.model.empty() ? "" : ", " + line.model)},
+                            {"layers", layers_of(line.runs[0], views, images)}});
         }
         if (!runs.empty()) scenes.push_back({{"name", table.scene}, {"views", names}, {"runs", runs}});
     }

@@ -41,15 +41,16 @@ BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64
 FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int64_t> iteration,
                                const RunChanges& instead, int frames_per_view) {
     const SavedRun run = open_saved_run(folder, iteration, instead);
-    const RunFacts facts = run_facts(run.options, run.scene, run.background, *run.backend);
+    RunResult result;
+    add_run_facts(result, run.options, run.scene, *run.backend);
     const std::vector<View>& views = run.scene.test.empty() ? run.scene.train : run.scene.test;
     std::vector<Camera> cameras;
     for (const View& view : views) cameras.push_back(view.camera);
-    log_info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(),
+    log_info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, run.backend->count(), cameras.size(),
              run.scene.test.empty() ? "training" : "test");
     const FrameTimes times = measure_frame_times(*run.backend, cameras, run.background, frames_per_view);
     if (!is_point_cloud(run.folder)) write_frame_times(RunFolder{run.folder}, run.iteration, times);
-    return {folder, facts.scene, facts.model, facts.num_gaussians, times};
+    return {folder, result.scene, result.model, result.num_gaussians, times};
 }
 
 FrameTimesLine time_generated_frames(std::int64_t count, const TrainOptions& options, int frames_per_view) {

@@ -13,6 +13,7 @@
 #include "eval/runs/render_queue.h"
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
+#include "lib/core/version.h"
 #include "lib/model/run_folder.h"
 #include "lib/scene/camera_params.h"
 
@@ -217,12 +218,42 @@ Image photograph_of(const View& view, const Vec3<float>& background, const Proto
     return protocol.eight_bit ? quantized_target(loaded->color, background) : float_target(loaded->color, background);
 }
 
-EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
-                          const EvalOptions& options) {
+nlohmann::ordered_json protocol_json(const EvalOptions& options, const Vec3<float>& background, std::size_t num_views) {
+    const bool aligned = options.correction.mode == CorrectionMode::kColourAligned ||
+                         options.correction.mode == CorrectionMode::kSceneAligned;
+    const Protocol& protocol = options.protocol;
+    const std::string rounding = protocol.eight_bit ? "8 bits: " : "float: ",
+                      steps = protocol.eight_bit ? ", *255, +0.5, truncated" : "";
+    nlohmann::ordered_json json = {
+        {"name", protocol.name},
+        {"line", protocol_line(protocol, background)},
+        {"images", rounding + (aligned ? "aligned to the photographs, " : "") + "clamped to [0,1]" + steps +
+                       "; no crop, no mask" + (aligned ? "" : ", no colour alignment")},
+        {"image_source", protocol.images},
+        {"ppisp_eval", correction_name(options.correction.mode)},
+        {"photometric", describe_correction(options.correction)},
+        {"psnr", "10 log10(1/MSE) over all pixels and channels, mean over images; null = identical images"},
+        {"ssim", describe_ssim(protocol.ssim_border) + ", mean over images"},
+        {"lpips", fmt::format("{}, inputs in {}", lpips_metric(protocol.lpips_net),
+                              protocol.lpips_range == LpipsRange::kSymmetric ? "[-1,1]" : "[0,1]")},
+        {"background", {background.x, background.y, background.z}},
+        {"split", options.split_rule},
+        {"num_views", num_views},
+        {"program", version_text()},
+    };
+    for (const Metric& metric : options.metrics) json[metric.info.name] = metric.protocol + ", mean over images";
+    return json;
+}
+
+RunResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
+                         const EvalOptions& options) {
     if (views.empty())
         throw UsageError(
             fmt::format("there are no {} views to evaluate; --eval holds some out when training", options.split));
-    EvalResult result;
+    RunResult result;
+    result.iteration = options.iteration;
+    result.protocol = protocol_json(options, background, views.size());
+    double render_seconds = 0;
     if (options.decompose) result.residual_mean = 0;
     Renderer renderer(backend, background, options.correction, options.protocol, options.decompose);
     renderer.align(views);
@@ -240,12 +271,13 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
         }
         result.psnr += score.psnr / double(views.size());
         result.ssim += score.ssim / double(views.size());
-        result.render_seconds += score.render_seconds;
+        render_seconds += score.render_seconds;
         if (options.run_folder.empty()) continue;
         const RunFolder folder{options.run_folder};
         write_image(folder.render(options.split, options.iteration, int(i)), pair.render);
         write_image(folder.ground_truth(options.split, options.iteration, int(i)), pair.truth);
     }
+    result.render_seconds = render_seconds;
     result.scores = mean_scores(result.views);
     return result;
 }

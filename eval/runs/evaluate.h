@@ -4,13 +4,12 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "eval/metrics/metrics.h"
 #include "eval/runs/protocol.h"
+#include "eval/runs/run_result.h"
 #include "kernels/ranks/backend.h"
 #include "lib/model/ppisp_json.h"
 #include "lib/scene/scene.h"
@@ -60,41 +59,27 @@ struct EvalOptions {
     std::filesystem::path run_folder;  ///< pictures go to its <split>/ours_<iteration>/{renders,gt}; empty = none
     std::int64_t iteration = 0;
     std::string split = "test";
+    std::string split_rule = {};  ///< rule that chose the views, for the protocol
     EvalCorrection correction;
     bool decompose = false;            ///< also renders base and residual of each view, to folders of these names
     std::vector<Metric> metrics = {};  ///< metrics beside PSNR and SSIM, which are always computed
-};
-
-/// The scores of one view.
-struct ViewScore {
-    std::string name;  ///< name of the photograph
-    double psnr = 0;   ///< dB; infinity for identical images
-    double ssim = 0;
-    double render_seconds = 0;
-    std::optional<double> residual_mean = {};        ///< mean_value of the residual picture, when decomposed
-    std::map<std::string, MetricScore> scores = {};  ///< scores of options.metrics by MetricInfo::key
-};
-
-/// The scores of all views and their means.
-struct EvalResult {
-    std::vector<ViewScore> views;
-    double psnr = 0, ssim = 0;                 ///< means over views
-    double render_seconds = 0;                 ///< sum over views, without loading, metrics, writing and decomposition
-    std::optional<double> residual_mean = {};  ///< mean over views, when decomposed
-    std::map<std::string, MetricScore> scores = {};  ///< means over views, or the first reason that a view has
 };
 
 /// Returns the photograph of a view as the protocol compares it, on `background` where it has alpha. Throws DataError
 /// where it cannot be read, or has another size than its camera.
 Image photograph_of(const View& view, const Vec3<float>& background, const Protocol& protocol = protocols().front());
 
+/// Returns how the scores of `num_views` views are made, as `protocol` of results.json has it.
+nlohmann::ordered_json protocol_json(const EvalOptions& options, const Vec3<float>& background, std::size_t num_views);
+
 /// Renders each view at the size of its camera before `background`, whatever the protocol names, and compares it with
 /// its photograph as the protocol says, both rounded to 8 bits or as float. Masks are ignored. Pictures are 8-bit. The
 /// base of a decomposed picture is corrected like the picture (a controller predicts from the base itself), the
-/// residual never. Throws UsageError without views, and DataError when an image cannot be read, has another size than
-/// its camera, or a picture cannot be written.
-EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
-                          const EvalOptions& options);
+/// residual never. Returns the iteration, the scores, their protocol and the time of rendering; a metric that failed on
+/// a view has the first reason instead of a mean. Throws UsageError without views, and DataError when an image cannot
+/// be read, has another size than its camera, or a picture cannot be written.
+RunResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
+                         const EvalOptions& options);
 
 /// Writes one image of up to `max_views` views, evenly spread and below one another: the photograph on the left, the
 /// corrected render on the right. Throws UsageError without views, and otherwise what evaluate_views throws.

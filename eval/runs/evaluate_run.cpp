@@ -10,6 +10,7 @@
 #include <set>
 
 #include "eval/bench/bench.h"
+#include "eval/runs/results.h"
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
 #include "lib/io/temporary.h"
@@ -61,8 +62,8 @@ std::filesystem::path results_folder(const std::filesystem::path& run, const std
     return source.empty() ? run : run / ("on-" + scene_name(source));
 }
 
-EvalResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rounds,
-                        const std::filesystem::path& results) {
+RunResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rounds,
+                       const std::filesystem::path& results) {
     const std::string folder = run.folder.string();
     const std::string model =
         is_point_cloud(run.folder) ? folder : fmt::format("{}: iteration {}", folder, run.iteration);
@@ -70,20 +71,21 @@ EvalResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rou
              run.scene.test.size(), run.options.source, correction_name(options.correction.mode));
     std::optional<NewPictures> pictures;
     EvalOptions own = options;
+    own.split_rule = run.scene.split_rule;
     if (!options.run_folder.empty()) {
         pictures.emplace(options.run_folder, options.split);
         own.run_folder = pictures->path();
     }
-    const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, own);
+    RunResult result = evaluate_views(*run.backend, run.scene.test, run.background, own);
     if (result.residual_mean) log_info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
     for (const auto& [key, score] : result.scores) {
         if (!score.value) log_warning("{}: {} {}", folder, key, score.reason);
     }
-    RunFacts facts = run_facts(run.options, run.scene, run.background, *run.backend);
+    add_run_facts(result, run.options, run.scene, *run.backend);
     if (frame_rounds > 0)
-        facts.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, frame_rounds);
+        result.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, frame_rounds);
     if (pictures) pictures->commit();
-    write_results(RunFolder{results}, options, result, facts);
+    write_results(RunFolder{results}, result);
     return result;
 }
 

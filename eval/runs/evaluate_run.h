@@ -17,7 +17,7 @@ std::filesystem::path results_folder(const std::filesystem::path& run, const std
 /// `results`, with the mean frame time over `frame_rounds` rounds through the views unless that is 0. Says
 /// in the log what could not be measured. Pictures and results appear when all are there. Throws what evaluate_views
 /// and write_results throw.
-EvalResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rounds,
-                        const std::filesystem::path& results);
+RunResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rounds,
+                       const std::filesystem::path& results);
 
 }  // namespace gs

@@ -168,36 +168,31 @@ nlohmann::ordered_json read_appearance_choice(const fs::path& run_folder) {
     return json;
 }
 
-RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
-                   const Backend& backend) {
-    RunFacts facts;
-    facts.dataset = dataset_name(options.source);
-    facts.scene = scene_name(options.source);
-    facts.model = options.appearance;
+void add_run_facts(RunResult& result, const TrainOptions& options, const Scene& scene, const Backend& backend) {
+    result.dataset = dataset_name(options.source);
+    result.scene = scene_name(options.source);
+    result.model = options.appearance;
     const AppearanceSpec appearance = appearance_spec(options);
     if (!appearance_model(options.appearance).degree_option.empty())
-        facts.model += fmt::format(" (degree {})", appearance.max_degree);
+        result.model += fmt::format(" (degree {})", appearance.max_degree);
     const bool bare = is_point_cloud(options.model);
-    if (!bare) facts.appearance_choice = read_appearance_choice(options.model);
-    if (!facts.appearance_choice.is_null()) facts.model += " by auto";
-    if (!bare) facts.strategy = word(options.strategy) + (options.speedy_splat ? " + speedy-splat" : "");
-    facts.split_rule = scene.split_rule;
-    facts.frame = scene.frame;
-    facts.background = background;
-    facts.num_gaussians = backend.count();
+    if (!bare) result.appearance_choice = read_appearance_choice(options.model);
+    if (!result.appearance_choice.is_null()) result.model += " by auto";
+    if (!bare) result.strategy = word(options.strategy) + (options.speedy_splat ? " + speedy-splat" : "");
+    result.frame = frame_json(scene.frame);
+    result.num_gaussians = backend.count();
     const int residual = group_width(Group::kResidual, appearance);
-    if (residual > 0 && facts.num_gaussians > 0)
-        facts.residual_share = double(backend.num_residuals()) / double(facts.num_gaussians);
-    facts.bytes_per_gaussian =
-        std::llround(double(sizeof(float)) * (group_width(Group::kBase, appearance) + facts.residual_share * residual));
-    facts.ply_bytes_per_gaussian = ply_bytes_per_gaussian(appearance);
+    const double share =
+        residual > 0 && backend.count() > 0 ? double(backend.num_residuals()) / double(backend.count()) : 1;
+    if (share < 1) result.residual_share = share;
+    result.bytes_per_gaussian =
+        std::llround(double(sizeof(float)) * (group_width(Group::kBase, appearance) + share * residual));
+    result.ply_bytes_per_gaussian = ply_bytes_per_gaussian(appearance);
     if (appearance_model(appearance.model).packing) {
         const PackedScene packed = packed_sample(appearance);
         const int without = packed.bytes_per_gaussian(false);
-        facts.web_bytes_per_gaussian =
-            std::llround(without + facts.residual_share * (packed.bytes_per_gaussian() - without));
+        result.web_bytes_per_gaussian = std::llround(without + share * (packed.bytes_per_gaussian() - without));
     }
-    return facts;
 }
 
 }  // namespace gs

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "eval/runs/results.h"
+#include "eval/runs/evaluate.h"
 #include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/group/rank_team.h"
@@ -83,8 +83,8 @@ nlohmann::ordered_json read_appearance_choice(const std::filesystem::path& run_f
 /// Puts the appearance of a model in the place of the options that choose one.
 void set_appearance(TrainOptions& options, const AppearanceSpec& appearance);
 
-/// Returns the facts that results.json states about a run with these options, whose model `backend` holds.
-RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
-                   const Backend& backend);
+/// Adds what options, scene and the model that `backend` holds say of a run: names, numbers and sizes, and how
+/// `--appearance auto` chose.
+void add_run_facts(RunResult& result, const TrainOptions& options, const Scene& scene, const Backend& backend);
 
 }  // namespace gs

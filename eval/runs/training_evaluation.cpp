@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "eval/bench/bench.h"
+#include "eval/runs/evaluate.h"
 #include "eval/runs/saved_run.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
@@ -16,6 +17,13 @@ constexpr int kComparisonViews = 4;  // enough to judge a scene, small enough fo
 
 }  // namespace
 
+void add_training(RunResult& result, const TrainSummary& summary) {
+    if (summary.whole_time) result.train_seconds = summary.train_seconds;
+    if (summary.controller_seconds > 0) result.controller_seconds = summary.controller_seconds;
+    if (summary.memory.peak > 0) result.peak_device_bytes = summary.memory.peak;
+    if (!summary.photometric.empty()) result.photometric = summary.photometric;
+}
+
 TrainingEvaluation::TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress,
                                        int frame_rounds)
     : options_(options), scene_(scene), progress_(progress), frame_rounds_(frame_rounds) {
@@ -24,36 +32,34 @@ TrainingEvaluation::TrainingEvaluation(const TrainOptions& options, const Scene&
 
 std::optional<TestScores> TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend, bool last) {
     // Pictures of intermediate iterations would fill disks; their scores are kept.
-    eval_ = {.run_folder = last ? std::filesystem::path(options_.model) : std::filesystem::path(),
-             .iteration = iteration,
-             .correction = saved_correction(options_.model)};
-    result_ = evaluate_views(backend, scene_.test, background_, eval_);
-    facts_ = run_facts(options_, scene_, background_, backend);
+    const EvalOptions eval{.run_folder = last ? std::filesystem::path(options_.model) : std::filesystem::path(),
+                           .iteration = iteration,
+                           .split_rule = scene_.split_rule,
+                           .correction = saved_correction(options_.model)};
+    result_ = evaluate_views(backend, scene_.test, background_, eval);
+    add_run_facts(result_, options_, scene_, backend);
     if (last && frame_rounds_ > 0)
-        facts_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
-    write_results(RunFolder{options_.model}, eval_, result_, facts_);
-    if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval_.correction);
-    const bool corrected = eval_.correction.mode != CorrectionMode::kOff;
+        result_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
+    write_results(RunFolder{options_.model}, result_);
+    if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval.correction);
+    const bool corrected = eval.correction.mode != CorrectionMode::kOff;
     log_info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim,
              result_.views.size(),
-             corrected ? fmt::format(", photometric correction: {}", correction_name(eval_.correction.mode)) : "");
+             corrected ? fmt::format(", photometric correction: {}", correction_name(eval.correction.mode)) : "");
     progress_.event({{"event", "evaluation"},
                      {"iteration", iteration},
                      {"views", result_.views.size()},
                      {"psnr", result_.psnr},
                      {"ssim", result_.ssim},
-                     {"ppisp_eval", correction_name(eval_.correction.mode)}});
+                     {"ppisp_eval", correction_name(eval.correction.mode)}});
     return TestScores{result_.psnr, result_.ssim, result_.views.size()};
 }
 
 void TrainingEvaluation::finish(const TrainSummary& summary, const nlohmann::ordered_json& plan) {
-    if (summary.whole_time) facts_.train_seconds = summary.train_seconds;
-    if (summary.controller_seconds > 0) facts_.controller_seconds = summary.controller_seconds;
-    facts_.photometric = summary.photometric;
-    facts_.plan = plan;
-    facts_.appearance_choice = read_appearance_choice(options_.model);
-    if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
-    write_results(RunFolder{options_.model}, eval_, result_, facts_);
+    add_training(result_, summary);
+    result_.plan = plan;
+    result_.appearance_choice = read_appearance_choice(options_.model);
+    write_results(RunFolder{options_.model}, result_);
     log_debug("photographs and renders side by side: {}", comparison().string());
 }
 

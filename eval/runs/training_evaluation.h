@@ -14,6 +14,9 @@
 
 namespace gs {
 
+/// Adds time, memory and photometric decision of a training. The time of a part is not that of the run.
+void add_training(RunResult& result, const TrainSummary& summary);
+
 /// Takes the place of TrainHooks::evaluate and keeps the latest scores.
 class TrainingEvaluation {
   public:
@@ -25,12 +28,12 @@ class TrainingEvaluation {
     /// the pictures and comparison.png. Returns the means.
     std::optional<TestScores> operator()(std::int64_t iteration, Backend& backend, bool last);
 
-    /// Adds to results.json what is known only after the training: its time, its memory, how automatic options were
-    /// decided, and the `plan` with what came of it, null if there was none.
+    /// Adds to results.json what is known only after the training: add_training, how the appearance was chosen, and the
+    /// `plan` with what came of it, null if there was none.
     void finish(const TrainSummary& summary, const nlohmann::ordered_json& plan = {});
 
     /// The iteration that was scored last; 0 = none yet.
-    std::int64_t iteration() const { return eval_.iteration; }
+    std::int64_t iteration() const { return result_.iteration; }
 
   private:
     std::filesystem::path comparison() const;
@@ -40,9 +43,7 @@ class TrainingEvaluation {
     Progress& progress_;
     const int frame_rounds_;
     Vec3<float> background_;
-    EvalOptions eval_;
-    EvalResult result_;
-    RunFacts facts_;
+    RunResult result_;
 };
 
 }  // namespace gs

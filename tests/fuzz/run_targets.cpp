@@ -3,7 +3,6 @@
 #include "apps/gsapp/render/camera_path.h"
 #include "eval/report/comparison.h"
 #include "eval/report/report.h"
-#include "eval/report/table.h"
 #include "eval/runs/results.h"
 #include "eval/runs/saved_run.h"
 #include "lib/core/options.h"
@@ -32,7 +31,7 @@ void read_results(const std::string& bytes) {
     const RunFolder run{folder() / "run"};
     write_frame_times(run, 8, FrameTimes{"cpu", 1, 1, 1, 1, 1, 1});
     put("run/results.json", bytes);
-    const Comparison comparison = compare_runs({read_table_row(run.root, std::nullopt)});
+    const Comparison comparison = compare_runs({gs::read_results(run.root, std::nullopt)});
     for (const TableFormat format :
          {TableFormat::kMarkdown, TableFormat::kCsv, TableFormat::kLatex, TableFormat::kJson})
         format_comparison(comparison, format);
@@ -52,7 +51,7 @@ void read_view_scores(const std::string& bytes) {
         return made;
     }();
     put("seen/per_view.json", bytes);
-    report_pictures(compare_runs({read_table_row(run.root, 7)}), {});
+    report_pictures(compare_runs({gs::read_results(run.root, 7)}), {});
 }
 
 void read_options(const std::string& bytes) {

@@ -13,28 +13,28 @@
 
 namespace gs {
 
-std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRun& train) {
+std::vector<RunResult> train_seeds(TrainOptions base, int num_runs, const TrainRun& train) {
     if (!base.resume.empty())
         throw UsageError("--runs: runs are not resumed; the same command again trains those that are missing");
     require_named_appearance(base);
     if (!base.eval) throw UsageError("--runs: there is nothing to average without --eval");
     if (base.model.empty()) base.model = free_run_folder("output", base, "-0");
-    std::vector<TableRow> rows;
+    std::vector<RunResult> results;
     for (int k = 0; k < num_runs; ++k) {
         TrainOptions options = base;
         options.seed = base.seed + std::uint64_t(k);
         set_folder(options, fmt::format("{}-{}", base.model, k));
-        std::optional<TableRow> row;
-        if (!options.overwrite) row = finished_run(options);
-        if (row) {  // perhaps of a scene that has changed in its place
+        std::optional<RunResult> result;
+        if (!options.overwrite) result = finished_run(options);
+        if (result) {  // perhaps of a scene that has changed in its place
             require_run_scene(options.model, options, load_scene(options));
             log_info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
         } else {
-            row = train(options);
+            result = train(options);
         }
-        if (row) rows.push_back(*row);
+        if (result) results.push_back(*result);
     }
-    return rows;
+    return results;
 }
 
 }  // namespace gs

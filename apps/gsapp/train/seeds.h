@@ -6,18 +6,18 @@
 #include <optional>
 #include <vector>
 
-#include "eval/report/table.h"
+#include "eval/runs/results.h"
 #include "lib/core/train_options.h"
 
 namespace gs {
 
-/// Trains one run of these options and returns its row; empty where nothing was scored.
-using TrainRun = std::function<std::optional<TableRow>(const TrainOptions&)>;
+/// Trains one run of these options and returns its result; empty where nothing was scored.
+using TrainRun = std::function<std::optional<RunResult>(const TrainOptions&)>;
 
 /// Trains `num_runs` runs with the seeds base.seed, base.seed + 1, ... in the folders <base.model>-0, <base.model>-1,
-/// ... (empty: free ones in output/), and returns their rows. Runs that are finished are not trained again unless
+/// ... (empty: free ones in output/), and returns their results. Runs that are finished are not trained again unless
 /// `base.overwrite`. Throws UsageError for `base.resume`, for `--appearance auto` and without `base.eval`, DataError if
 /// the scene is no longer the one of a finished run, and what `train` throws.
-std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRun& train);
+std::vector<RunResult> train_seeds(TrainOptions base, int num_runs, const TrainRun& train);
 
 }  // namespace gs

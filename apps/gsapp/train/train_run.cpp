@@ -156,9 +156,9 @@ void describe_outcome(const TrainOptions& options, const TrainSummary& summary) 
 nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSummary& summary) {
     nlohmann::ordered_json event = {
         {"event", "finished"}, {"iteration", summary.iterations}, {"num_gaussians", summary.num_gaussians}};
-    if (summary.whole_time) event["train_seconds"] = summary.train_seconds;
-    if (summary.controller_seconds > 0) event["controller_seconds"] = summary.controller_seconds;
-    if (summary.memory.peak > 0) event["peak_device_bytes"] = summary.memory.peak;
+    RunResult trained;
+    add_training(trained, summary);
+    event.update(result_json(trained, {"train_seconds", "controller_seconds", "peak_device_bytes"}));
     event["model"] = options.model;
     return event;
 }
@@ -207,8 +207,8 @@ std::string free_run_folder(const fs::path& parent, const TrainOptions& options,
     }
 }
 
-std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view,
-                                  RankTeam* team) {
+std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view,
+                                   RankTeam* team) {
     setup_log(shown_messages(options));
     try_device(options.device);
     if (!options.model.empty()) require_free_folder(options);
@@ -282,15 +282,15 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     describe_training(summary);
     note_outcome(plan, options, summary);
     add_share_of_training(options, summary);
-    std::optional<TableRow> row;
+    std::optional<RunResult> result;
     if (measure) {
         evaluation.finish(summary, plan.json);
-        row = read_table_row(options.model, evaluation.iteration());
-        read_training(*row, options.model);
+        result = read_results(options.model, evaluation.iteration());
+        read_training(*result, options.model);
     }
     describe_outcome(options, summary);
     progress.event(finished_event(options, summary));
-    return row;
+    return result;
 }
 
 }  // namespace gs

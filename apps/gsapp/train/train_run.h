@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "eval/auto/photograph.h"
-#include "eval/report/table.h"
+#include "eval/runs/results.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 #include "lib/train/trainer.h"
@@ -46,9 +46,9 @@ struct LiveView {
 /// Trains one run of checked options in the folder `options.model` (empty: a free one in output/), chooses the
 /// appearance before where the options say auto, and with `options.eval` scores the views held out. `frame_rounds`:
 /// rounds through these in which frames of the trained model are timed; 0 = none. Sets up the log, which also goes to
-/// the folder, catches interrupts, and shows the progress. With a `team` this is its rank 0. Returns the row for tables
+/// the folder, catches interrupts, and shows the progress. With a `team` this is its rank 0. Returns the result
 /// where views were scored. Throws what load_scene, open_run, find_appearance and train throw.
-std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view = {},
-                                  RankTeam* team = nullptr);
+std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view = {},
+                                   RankTeam* team = nullptr);
 
 }  // namespace gs

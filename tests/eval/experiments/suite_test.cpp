@@ -7,7 +7,7 @@
 #include "apps/gsapp/train/seeds.h"
 #include "apps/gsapp/train/train_run.h"
 #include "eval/experiments/suite.h"
-#include "eval/report/table.h"
+#include "eval/runs/results.h"
 #include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"
@@ -160,7 +160,9 @@ TEST_F(SuiteRunTest, WritesTheTableAfterEveryJob) {
         EXPECT_EQ(jobs.size(), 4u);
         EXPECT_EQ(jobs[0].name, "MCMC, sh");
         tables.push_back(table());
-        hooks.done(1, {.result = JobResult{.psnr = 21, .num_gaussians = 5}});
+        RunResult result;
+        result.psnr = 21, result.num_gaussians = 5, result.train_seconds = 4, result.bytes = 10;
+        hooks.done(1, {.result = result});
         tables.push_back(table());
         hooks.done(0, {.error = "out of memory", .code = ExitCode::kDevice});
         return JobsSummary{.num_failed = 1, .first_code = ExitCode::kDevice};
@@ -201,10 +203,10 @@ TrainOptions seeded_options() {
 
 TEST(Seeds, EachRunHasItsSeedAndItsFolder) {
     std::vector<std::pair<std::uint64_t, std::string>> trained;
-    const auto rows = train_seeds(seeded_options(), 3, [&](const TrainOptions& options) -> std::optional<TableRow> {
+    const auto rows = train_seeds(seeded_options(), 3, [&](const TrainOptions& options) -> std::optional<RunResult> {
         trained.push_back({options.seed, options.model});
         if (options.seed == 6) return std::nullopt;  // nothing was scored
-        TableRow row;
+        RunResult row;
         row.psnr = double(options.seed);
         return row;
     });
@@ -215,7 +217,7 @@ TEST(Seeds, EachRunHasItsSeedAndItsFolder) {
 }
 
 TEST(Seeds, MistakesComeBeforeAnyTraining) {
-    const auto untouched = [](const TrainOptions&) -> std::optional<TableRow> {
+    const auto untouched = [](const TrainOptions&) -> std::optional<RunResult> {
         throw std::logic_error("nothing was to be trained");
     };
     TrainOptions resumed = seeded_options(), chosen = seeded_options(), unscored = seeded_options();

@@ -184,8 +184,11 @@ TEST(TradeoffRounds, HalvingTrainsTheSameConfigurationsLongerEachTime) {
 /// Better and dearer with more iterations and, at equal iterations, with sh.
 JobOutcome outcome_of(const TrainOptions& options) {
     const double cost = double(options.iterations) + (options.appearance == "sh" ? 1 : 0);
-    return {.result = JobResult{20 + cost, 0.5, 100, cost, cost, std::int64_t(cost), std::nullopt, "made up"},
-            .wall_seconds = cost};
+    RunResult result;
+    result.psnr = 20 + cost, result.ssim = 0.5, result.num_gaussians = 100;
+    result.train_seconds = result.frame_seconds = cost, result.bytes = std::int64_t(cost);
+    result.protocol = {{"line", "made up"}};
+    return {.result = result, .wall_seconds = cost};
 }
 
 /// Ends every job it is let choose by `outcome`.

@@ -33,8 +33,10 @@ class TradeoffFigures : public ::testing::Test {
              double frame_seconds, std::int64_t bytes) {
         TradeoffRun& run = add(appearance, budget);
         run.state = RunState::kFinished;
-        run.result =
-            JobResult{psnr, psnr / 40, 1000, train_seconds, frame_seconds, bytes, std::nullopt, "protocol made up"};
+        RunResult& result = run.result.emplace();
+        result.psnr = psnr, result.ssim = psnr / 40, result.num_gaussians = 1000;
+        result.train_seconds = train_seconds, result.frame_seconds = frame_seconds, result.bytes = bytes;
+        result.protocol = {{"line", "protocol made up"}};
     }
     /// sh 1 is best; nasg 0.1 small and near; none 0.1 smallest and fastest, but far; none 1 dominated.
     void add_usual() {

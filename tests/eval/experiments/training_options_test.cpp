@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/gsapp/train/train_run.h"
-#include "eval/report/table.h"
+#include "eval/runs/results.h"
 #include "kernels/base/error.h"
 #include "lib/core/options.h"
 #include "lib/model/checkpoint.h"
@@ -154,7 +154,7 @@ TEST(TrainRun, ScoresWhatWasHeldOut) {
     TrainOptions options = tiny(tmp);
     options.eval = true;
     options = resolve(options);
-    const std::optional<TableRow> row = train_run(options, 1);
+    const std::optional<RunResult> row = train_run(options, 1);
     ASSERT_TRUE(row);
     EXPECT_EQ(row->iteration, 2);
     EXPECT_GT(row->psnr, 0);

@@ -10,7 +10,7 @@
 #include "eval/metrics/metrics.h"
 #include "eval/metrics/pixel_metrics.h"
 #include "eval/metrics/quantize.h"
-#include "eval/report/table.h"
+#include "eval/runs/evaluate.h"
 #include "eval/runs/results.h"
 #include "kernels/base/error.h"
 #include "kernels/base/rng.h"
@@ -231,11 +231,11 @@ TEST(Metrics, ReachResultsAndTables) {
     options.iteration = 5;
     options.metrics = {counting(known_metrics()[2], 0), counting(known_metrics()[4], 2)};  // LPIPS-VGG, FLIP
     const std::vector<View> views = {view("a"), view("b"), view("c")};
-    const EvalResult result = evaluate_views(backend, views, {0, 0, 0}, options);
+    const RunResult result = evaluate_views(backend, views, {0, 0, 0}, options);
     EXPECT_EQ(result.scores.at("LPIPS-VGG").value, 2.0);
     EXPECT_FALSE(result.scores.at("FLIP").value) << "means over different views do not compare";
     EXPECT_EQ(result.scores.at("FLIP").reason, "not measured: view 2");
-    write_results(RunFolder{folder.path()}, options, result, {});
+    write_results(RunFolder{folder.path()}, result);
 
     const auto read = [&](const char* name) { return parse_json(read_input(folder.path() / name)); };
     const json results = read("results.json"), per_view = read("per_view.json");
@@ -246,12 +246,12 @@ TEST(Metrics, ReachResultsAndTables) {
     EXPECT_EQ(per_view["ours_5"]["LPIPS-VGG"], (json{{"00000.png", 1.0}, {"00001.png", 2.0}, {"00002.png", 3.0}}));
     EXPECT_EQ(per_view["ours_5"]["FLIP"], (json{{"00000.png", 1.0}, {"00002.png", 3.0}}));
 
-    const TableRow row = read_table_row(folder.path(), std::nullopt);
-    EXPECT_EQ(row.further_metrics.at("LPIPS-VGG"), 2.0);
-    EXPECT_EQ(row.not_measured.at("FLIP"), "not measured: view 2");
+    const RunResult stored = read_results(folder.path(), std::nullopt);
+    EXPECT_EQ(stored.scores.at("LPIPS-VGG").value, 2.0);
+    EXPECT_EQ(stored.scores.at("FLIP").reason, "not measured: view 2");
 
     options.metrics.clear();
-    write_results(RunFolder{folder.path()}, options, evaluate_views(backend, views, {0, 0, 0}, options), {});
+    write_results(RunFolder{folder.path()}, evaluate_views(backend, views, {0, 0, 0}, options));
     EXPECT_FALSE(read("results.json").contains("not_measured")) << "was not asked for this time";
 }
 

@@ -27,9 +27,10 @@ class Report : public ::testing::Test {
   protected:
     Report() {
         for (const char* name : {"a", "b"}) {
-            TableRow row;
+            RunResult row;
             row.folder = tmp_.path() / name;
-            row.run = name, row.scene = kOdd, row.dataset = "set", row.model = kOdd, row.protocol = kOdd;
+            row.run = name, row.scene = kOdd, row.dataset = "set", row.model = kOdd;
+            row.protocol = {{"line", kOdd}};
             row.psnr = name[0] == 'a' ? 20 : 22, row.ssim = 0.5;
             row.iteration = 7;
             row.train_seconds = 3;
@@ -45,7 +46,7 @@ class Report : public ::testing::Test {
         }
     }
     test::TemporaryFolder tmp_;
-    std::vector<TableRow> rows_;
+    std::vector<RunResult> rows_;
 };
 
 TEST_F(Report, TablesEscapeNamesAndMarkTheBest) {

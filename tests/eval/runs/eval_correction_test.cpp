@@ -134,31 +134,34 @@ TEST(EvalCorrection, WordsOfTheCommandLine) {
 TEST(EvalCorrection, StandsBesideTheScores) {
     const test::TemporaryFolder folder;
     EvalOptions options;
-    options.iteration = 3;
     options.correction = {CorrectionMode::kController, true, 0};
-    EvalResult result;
+    RunResult result;
+    result.iteration = 3;
     result.views = {{"a.png", 30, 0.9, 0.1}};
-    RunFacts facts;
-    facts.controller_seconds = 2.5;
-    facts.photometric = "on: because";
-    write_results(RunFolder{folder.path()}, options, result, facts);
-    facts.controller_seconds.reset();
-    facts.photometric.clear();
+    result.controller_seconds = 2.5;
+    result.photometric = "on: because";
+    const auto write = [&] {
+        result.protocol = protocol_json(options, {0, 0, 0}, 1);
+        write_results(RunFolder{folder.path()}, result);
+    };
+    write();
+    result.controller_seconds.reset();
+    result.photometric.reset();
     const auto stored = [&] { return parse_json(read_input(folder.path() / "results.json")); };
-    write_results(RunFolder{folder.path()}, options, result, facts);
+    write();
     auto json = stored();
     EXPECT_EQ(json["protocol"]["ours_3"]["ppisp_eval"], "controller");
     EXPECT_NE(json["protocol"]["ours_3"]["photometric"].get<std::string>().find("EXIF"), std::string::npos);
     EXPECT_EQ(json["timing"]["ours_3"]["controller_seconds"], 2.5) << "an earlier value stays";
     EXPECT_EQ(json["photometric"]["ours_3"]["decision"], "on: because");
-    EXPECT_EQ(read_table_row(folder.path(), 3).correction, "controller");
+    EXPECT_EQ(read_results(folder.path(), 3).correction(), "controller");
     options.correction.mode = CorrectionMode::kColourAligned;
-    write_results(RunFolder{folder.path()}, options, result, facts);
+    write();
     json = stored();
     EXPECT_NE(json["protocol"]["ours_3"]["photometric"].get<std::string>().find("uses the test images"),
               std::string::npos);
     EXPECT_EQ(json["protocol"]["ours_3"]["images"].get<std::string>().find("no colour alignment"), std::string::npos);
-    EXPECT_NE(format_comparison(compare_runs({read_table_row(folder.path(), 3)}), TableFormat::kMarkdown)
+    EXPECT_NE(format_comparison(compare_runs({read_results(folder.path(), 3)}), TableFormat::kMarkdown)
                   .find("| colour-aligned |"),
               std::string::npos);
 }

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
-#include "eval/report/table.h"
 #include "eval/runs/bench_subject.h"
 #include "eval/runs/evaluate_run.h"
 #include "eval/runs/protocol.h"
@@ -50,7 +50,7 @@ std::vector<View> two_views() { return {view("a.png", 1.0f, {255, 0, 51}), view(
 
 TEST(Evaluate, ScoresAreMeansOverViewsOfTheRoundedImages) {
     FakeBackend backend;
-    const EvalResult result = evaluate_views(backend, two_views(), {0, 0, 0}, {});
+    const RunResult result = evaluate_views(backend, two_views(), {0, 0, 0}, {});
     ASSERT_EQ(result.views.size(), 2u);
     EXPECT_NEAR(result.views[0].psnr, 10 * std::log10(3 / (0.2 * 0.2)), 1e-5);
     EXPECT_NEAR(result.views[1].psnr, 10 * std::log10(3 / (0.4 * 0.4)), 1e-5);
@@ -64,7 +64,7 @@ TEST(Evaluate, ScoresAreMeansOverViewsOfTheRoundedImages) {
 TEST(Evaluate, AlphaIsCompositedOnTheSameBackground) {
     FakeBackend backend;
     // Transparent target on (0, 1, 0) against the fake's (0, 1, 0).
-    const EvalResult result = evaluate_views(backend, {view("a", 0, {9, 9, 9, 0})}, {0, 1, 0}, {});
+    const RunResult result = evaluate_views(backend, {view("a", 0, {9, 9, 9, 0})}, {0, 1, 0}, {});
     EXPECT_TRUE(std::isinf(result.psnr));
 }
 
@@ -100,7 +100,7 @@ TEST(Evaluate, DecompositionHasTheBaseOnTheBackgroundAndTheResidualOnBlack) {
     EvalOptions options;
     EXPECT_FALSE(evaluate_views(backend, two_views(), {0, 1, 0}, options).residual_mean);
     options.decompose = true;
-    const EvalResult result = evaluate_views(backend, two_views(), {0, 1, 0}, options);
+    const RunResult result = evaluate_views(backend, two_views(), {0, 1, 0}, options);
     EXPECT_NEAR(*result.views[0].residual_mean, (1 + 0 + 0.5) / 3, 1e-6);
     EXPECT_NEAR(*result.views[1].residual_mean, (0.4 + 0 + 0.5) / 3, 1e-6);
     EXPECT_NEAR(*result.residual_mean, (0.5 + 0.3) / 2, 1e-6);
@@ -131,23 +131,22 @@ TEST(Evaluate, ComparisonShowsPhotographLeftAndRenderRight) {
 
 struct Written {
     TemporaryFolder folder;
-    EvalOptions options;
-    RunFacts facts;
-    EvalResult result;
+    RunResult result;
     Written() {
-        options.iteration = 300;
-        facts.dataset = "builtin";
-        facts.bytes_per_gaussian = 192;
-        facts.scene = "builtin:glossy";
-        facts.model = "sh (degree 3)";
-        facts.strategy = "mcmc";
-        facts.num_gaussians = 1234;
-        facts.train_seconds = 61.5;
-        facts.peak_device_bytes = 1234567890;
+        result.iteration = 300;
+        result.dataset = "builtin";
+        result.bytes_per_gaussian = 192;
+        result.scene = "builtin:glossy";
+        result.model = "sh (degree 3)";
+        result.strategy = "mcmc";
+        result.num_gaussians = 1234;
+        result.train_seconds = 61.5;
+        result.peak_device_bytes = 1234567890;
         result.views = {{"a.png", 30, 0.9, 0.1}, {"b.png", 32, 0.8, 0.2}};
         result.psnr = 31, result.ssim = 0.85, result.render_seconds = 0.3;
+        result.protocol = protocol_json({}, {0, 0, 0}, result.views.size());
     }
-    void write() { write_results(RunFolder{folder.path()}, options, result, facts); }
+    void write() { write_results(RunFolder{folder.path()}, result); }
 };
 
 TEST(Results, KeysAreThoseOfTheMetricsScript) {
@@ -169,13 +168,13 @@ TEST(Results, KeysAreThoseOfTheMetricsScript) {
 TEST(Results, OtherIterationsAndTheTrainingTimeStay) {
     Written w;
     w.write();
-    w.options.iteration = 700;
+    w.result.iteration = 700;
     w.result.psnr = std::numeric_limits<double>::infinity();
     w.write();
-    w.options.iteration = 300;
+    w.result.iteration = 300;
     w.result.psnr = 20;
-    w.facts.train_seconds.reset();
-    w.facts.peak_device_bytes.reset();
+    w.result.train_seconds.reset();
+    w.result.peak_device_bytes.reset();
     w.write();
     const json results = read_json(w.folder.path() / "results.json");
     EXPECT_EQ(results["ours_300"]["PSNR"], 20.0);
@@ -214,28 +213,82 @@ TEST(Results, ABrokenFileIsNamedAndKept) {
     EXPECT_EQ(text, "{\"ours_1\": ");
 }
 
-TEST(Table, ComesFromStoredFilesAlone) {
+TEST(Results, EveryFieldIsReadAsItWasWritten) {
+    Written w;
+    RunResult& r = w.result;
+    r.controller_seconds = 2.5, r.frame_seconds = 0.5, r.residual_mean = 0.25, r.residual_share = 0.5;
+    r.ply_bytes_per_gaussian = 248, r.web_bytes_per_gaussian = 56, r.photometric = "on: made up";
+    r.frame = {{"scale", 2}}, r.plan = {{"size", {{"bytes", 7}}}}, r.appearance_choice = {{"model", "sh"}};
+    r.frame_times = FrameTimes{"d", 3, 9, 2, 1.5, 1, 4};
+    w.write();
+    const RunResult read = read_results(w.folder.path(), 300);
+    std::set<std::string> names;
+    for (const ResultField& field : result_fields()) {
+        EXPECT_TRUE(names.insert(field.name).second) << field.name << " is there twice";
+        if (!field.section) continue;
+        EXPECT_TRUE(field_json(r, field)) << field.name << " is not tested";
+        EXPECT_EQ(field_json(read, field), field_json(r, field)) << field.name;
+    }
+}
+
+TEST(Results, AreReadFromStoredFilesAlone) {
     Written w;
     w.write();
-    w.options.iteration = 1000;
+    w.result.iteration = 1000;
     w.result.psnr = 33;
     w.write();
-    const TableRow last = read_table_row(w.folder.path(), std::nullopt);
+    const RunResult last = read_results(w.folder.path(), std::nullopt);
     EXPECT_EQ(last.iteration, 1000) << "by number, not by text";
     EXPECT_EQ(last.psnr, 33);
-    const TableRow row = read_table_row(w.folder.path().string() + "/", 300);
-    EXPECT_EQ(row.psnr, 31);
-    EXPECT_EQ(row.run, w.folder.path().filename());
-    EXPECT_EQ(row.scene, "builtin:glossy");
-    EXPECT_EQ(*row.num_gaussians, 1234);
-    EXPECT_EQ(*row.train_seconds, 61.5);
-    EXPECT_EQ(*row.peak_device_bytes, 1234567890);
-    EXPECT_EQ(row.dataset, "builtin");
-    EXPECT_EQ(*row.bytes_per_gaussian, 192);
-    EXPECT_EQ(row.protocol_name, "paper");
-    EXPECT_EQ(row.protocol, protocol_line(w.options.protocol, {0, 0, 0}));
-    EXPECT_THROW(read_table_row(w.folder.path(), 5), DataError);
-    EXPECT_THROW(read_table_row(w.folder.path() / "nowhere", std::nullopt), DataError);
+    const RunResult result = read_results(w.folder.path().string() + "/", 300);
+    EXPECT_EQ(result.psnr, 31);
+    EXPECT_EQ(result.run, w.folder.path().filename());
+    EXPECT_EQ(result.scene, "builtin:glossy");
+    EXPECT_EQ(*result.num_gaussians, 1234);
+    EXPECT_EQ(*result.train_seconds, 61.5);
+    EXPECT_EQ(*result.peak_device_bytes, 1234567890);
+    EXPECT_EQ(result.dataset, "builtin");
+    EXPECT_EQ(*result.bytes_per_gaussian, 192);
+    EXPECT_EQ(result.protocol_name(), "paper");
+    EXPECT_EQ(result.protocol_line(), protocol_line(EvalOptions{}.protocol, {0, 0, 0}));
+    EXPECT_THROW(read_results(w.folder.path(), 5), DataError);
+    EXPECT_THROW(read_results(w.folder.path() / "nowhere", std::nullopt), DataError);
+}
+
+TEST(Results, ReadsFilesOfOtherProgramsAndNamesMistakes) {
+    const TemporaryFolder folder;
+    folder.write(
+        "results.json",
+        R"({"ours_7": {"SSIM": 0.5, "PSNR": 20.25, "LPIPS": 0.1, "note": "x"}, "not_measured": {"ours_7": {"DISTS": "why"}}})");
+    const RunResult result = read_results(folder.path(), std::nullopt);
+    EXPECT_EQ(result.psnr, 20.25);
+    EXPECT_EQ(result.scores.at("LPIPS").value, 0.1);
+    EXPECT_EQ(result.scores.at("DISTS").reason, "why");
+    EXPECT_FALSE(result.num_gaussians);
+    EXPECT_EQ(result.protocol_line(), "");
+    for (const char* bad :
+         {R"({"ours_7": {"SSIM": 0.5}})", R"({"ours_7": {"SSIM": 0.5, "PSNR": "x"}})", R"({"other": 1})", "[]", "{",
+          R"({"ours_7": 3})", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "protocol": {"ours_7": {"name": "later"}}})"}) {
+        folder.write("results.json", bad);
+        EXPECT_THROW(read_results(folder.path(), std::nullopt), DataError) << bad;
+    }
+}
+
+TEST(Results, FrameTimesAreReadWhereTheyAreWhole) {
+    const TemporaryFolder folder;
+    const auto read = [&](const std::string& times) {
+        folder.write("results.json",
+                     R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "frame_times": {"ours_7": )" + times + "}}");
+        return read_results(folder.path(), std::nullopt).frame_times;
+    };
+    const auto times = read(
+        R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2, "median_seconds": 1.5, "min_seconds": 1, "max_seconds": 4})");
+    ASSERT_TRUE(times);
+    EXPECT_EQ(times->device, "d");
+    EXPECT_EQ(times->frames_per_view, 9);
+    EXPECT_EQ(times->median, 1.5);
+    EXPECT_FALSE(read(R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2})"));
+    EXPECT_FALSE(read("7"));
 }
 
 // Scores, frame times and measurements of a finished run.
@@ -248,7 +301,7 @@ TEST(EvaluateRun, WritesScoresAndFrameTimes) {
     EvalOptions options;
     options.run_folder = saved.path();
     options.iteration = run.iteration;
-    const EvalResult result = evaluate_run(run, options, 1, saved.path());
+    const RunResult result = evaluate_run(run, options, 1, saved.path());
     const auto json = results(saved.path());
     EXPECT_EQ(json["ours_100"]["PSNR"], result.psnr);
     EXPECT_GT(json["timing"]["ours_100"]["frame_seconds"].get<double>(), 0);

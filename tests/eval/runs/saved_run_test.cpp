@@ -61,7 +61,7 @@ TEST(SavedRun, OpensTheLastPointCloudAndItsScene) {
     EvalOptions options;
     options.run_folder = saved.folder.path();
     options.iteration = run.iteration;
-    const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
+    const RunResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
     EXPECT_GT(result.psnr, 1);
     const Image picture = read_image(saved.names().render("test", 100, 0));
     EXPECT_GT(picture.value(20, 14, 0), 0.5f) << "the red Gaussian is in the middle";
@@ -104,13 +104,11 @@ TEST(SavedRun, AConfigurationWithoutASceneIsNamed) {
 TEST(SavedRun, FactsNameModelAndStrategy) {
     TrainOptions options;
     options.source = "builtin:glossy";
-    Scene scene;
-    scene.split_rule = "every 8th";
     const auto backend = make_cpu_backend({"sh", 3, ColorActivation::kRelu});
-    const RunFacts facts = run_facts(options, scene, {0, 0, 0}, *backend);
-    EXPECT_EQ(facts.model, "sh (degree 3)");
-    EXPECT_EQ(facts.strategy, "mcmc");
-    EXPECT_EQ(facts.split_rule, "every 8th");
+    RunResult result;
+    add_run_facts(result, options, {}, *backend);
+    EXPECT_EQ(result.model, "sh (degree 3)");
+    EXPECT_EQ(result.strategy, "mcmc");
 }
 
 TEST(SavedRun, FactsHaveTheBytesOfAGaussianInFiles) {
@@ -121,7 +119,8 @@ TEST(SavedRun, FactsHaveTheBytesOfAGaussianInFiles) {
         const AppearanceSpec spec{model->name, model->default_max_degree, ColorActivation::kRelu};
         set_appearance(options, spec);
         const auto backend = make_cpu_backend(spec);
-        const RunFacts facts = run_facts(options, {}, {0, 0, 0}, *backend);
+        RunResult result;
+        add_run_facts(result, options, {}, *backend);
         const std::int64_t unit = ngsplat_unit();
         std::uintmax_t ply[2], web[2];
         for (const int k : {0, 1}) {
@@ -132,11 +131,11 @@ TEST(SavedRun, FactsHaveTheBytesOfAGaussianInFiles) {
             write_ngsplat(folder.path() / "g.ngsplat", pack_gaussians(g));
             web[k] = std::filesystem::file_size(folder.path() / "g.ngsplat");
         }
-        EXPECT_EQ(ply[1] - ply[0], std::uintmax_t(unit * facts.ply_bytes_per_gaussian)) << model->name;
+        EXPECT_EQ(ply[1] - ply[0], std::uintmax_t(unit * *result.ply_bytes_per_gaussian)) << model->name;
         if (model->packing) {
-            EXPECT_EQ(web[1] - web[0], std::uintmax_t(unit * *facts.web_bytes_per_gaussian)) << model->name;
+            EXPECT_EQ(web[1] - web[0], std::uintmax_t(unit * *result.web_bytes_per_gaussian)) << model->name;
         }
-        EXPECT_EQ(facts.bytes_per_gaussian, 12 + 4 * model->residual_width(spec.max_degree)) << model->name;
+        EXPECT_EQ(result.bytes_per_gaussian, 12 + 4 * model->residual_width(spec.max_degree)) << model->name;
     }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows out of results.json, which of them are one experiment, means and places, and every format with odd names.
-#include "eval/report/table.h"
+// Which runs are one experiment, means and places, and every format with odd names.
+#include "eval/report/comparison.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,6 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/pages/escape.h"
-#include "eval/report/comparison.h"
-#include "eval/runs/protocol.h"
 #include "kernels/base/error.h"
 #include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
@@ -23,51 +21,15 @@ using test::TemporaryFolder;
 const char* const kLine = "protocol paper: ...";
 
 /// A run of scene `scene` with the options that matter for grouping.
-TableRow row_of(const std::string& run, const std::string& scene, const std::string& model, double psnr,
-                std::uint64_t seed = 0) {
-    TableRow row;
-    row.run = run, row.dataset = "set", row.scene = scene, row.model = model, row.strategy = "mcmc";
-    row.psnr = psnr, row.ssim = psnr / 100;
-    row.protocol_name = "paper", row.protocol = kLine, row.correction = "off";
-    row.seed = seed;
-    row.training = {{"appearance", model}, {"source", scene}, {"cap-max", "100"}};
-    return row;
-}
-
-TEST(Table, ReadsFilesOfOtherProgramsAndNamesMistakes) {
-    const TemporaryFolder folder;
-    folder.write(
-        "results.json",
-        R"({"ours_7": {"SSIM": 0.5, "PSNR": 20.25, "LPIPS": 0.1, "note": "x"}, "not_measured": {"ours_7": {"DISTS": "why"}}})");
-    const TableRow row = read_table_row(folder.path(), std::nullopt);
-    EXPECT_EQ(row.psnr, 20.25);
-    EXPECT_EQ(row.further_metrics, (std::map<std::string, double>{{"LPIPS", 0.1}}));
-    EXPECT_EQ(row.not_measured.at("DISTS"), "why");
-    EXPECT_FALSE(row.num_gaussians);
-    EXPECT_EQ(row.protocol, "");
-    for (const char* bad :
-         {R"({"ours_7": {"SSIM": 0.5}})", R"({"ours_7": {"SSIM": 0.5, "PSNR": "x"}})", R"({"other": 1})", "[]", "{",
-          R"({"ours_7": 3})", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "protocol": {"ours_7": {"name": "later"}}})"}) {
-        folder.write("results.json", bad);
-        EXPECT_THROW(read_table_row(folder.path(), std::nullopt), DataError) << bad;
-    }
-}
-
-TEST(Table, FrameTimesAreReadWhereTheyAreWhole) {
-    const TemporaryFolder folder;
-    const auto read = [&](const std::string& times) {
-        folder.write("results.json",
-                     R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "frame_times": {"ours_7": )" + times + "}}");
-        return read_table_row(folder.path(), std::nullopt).frame_times;
-    };
-    const auto times = read(
-        R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2, "median_seconds": 1.5, "min_seconds": 1, "max_seconds": 4})");
-    ASSERT_TRUE(times);
-    EXPECT_EQ(times->device, "d");
-    EXPECT_EQ(times->frames_per_view, 9);
-    EXPECT_EQ(times->median, 1.5);
-    EXPECT_FALSE(read(R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2})"));
-    EXPECT_FALSE(read("7"));
+RunResult run_of(const std::string& run, const std::string& scene, const std::string& model, double psnr,
+                 std::uint64_t seed = 0) {
+    RunResult result;
+    result.run = run, result.dataset = "set", result.scene = scene, result.model = model, result.strategy = "mcmc";
+    result.psnr = psnr, result.ssim = psnr / 100;
+    result.protocol = {{"name", "paper"}, {"line", kLine}, {"ppisp_eval", "off"}};
+    result.seed = seed;
+    result.training = {{"appearance", model}, {"source", scene}, {"cap-max", "100"}};
+    return result;
 }
 
 TEST(ColumnStats, HandComputed) {
@@ -84,14 +46,14 @@ TEST(ColumnStats, HandComputed) {
 }
 
 TEST(Comparison, RunsThatDifferOnlyBySeedAreOneLine) {
-    TableRow other = row_of("d", "lego", "sh", 24);
+    RunResult other = run_of("d", "lego", "sh", 24);
     other.training["cap-max"] = "50";
-    TableRow without = row_of("e", "lego", "sh", 25), without_too = row_of("f", "lego", "sh", 26);
+    RunResult without = run_of("e", "lego", "sh", 25), without_too = run_of("f", "lego", "sh", 26);
     without.training.clear(), without_too.training.clear();
-    TableRow later = row_of("g", "lego", "sh", 27);
+    RunResult later = run_of("g", "lego", "sh", 27);
     later.iteration = 7;
     const Comparison c = compare_runs(
-        {row_of("b", "lego", "sh", 22, 1), other, row_of("a", "lego", "sh", 20, 0), without, without_too, later});
+        {run_of("b", "lego", "sh", 22, 1), other, run_of("a", "lego", "sh", 20, 0), without, without_too, later});
     ASSERT_EQ(c.tables.size(), 1u);
     const auto& lines = c.tables[0].lines;
     ASSERT_EQ(lines.size(), 5u);
@@ -107,8 +69,8 @@ TEST(Comparison, RunsThatDifferOnlyBySeedAreOneLine) {
 }
 
 TEST(Comparison, AMetricThatOneRunLacksHasNoMean) {
-    TableRow a = row_of("a", "lego", "sh", 20, 0), b = row_of("b", "lego", "sh", 22, 1);
-    a.further_metrics["FLIP"] = 0.1;
+    RunResult a = run_of("a", "lego", "sh", 20, 0), b = run_of("b", "lego", "sh", 22, 1);
+    a.scores["FLIP"].value = 0.1;
     const Comparison c = compare_runs({a, b});
     const auto flip =
         std::find_if(c.columns.begin(), c.columns.end(), [](const Column& column) { return column.key == "FLIP"; });
@@ -117,9 +79,9 @@ TEST(Comparison, AMetricThatOneRunLacksHasNoMean) {
 }
 
 TEST(Comparison, DatasetsAverageTheirScenesRunByRun) {
-    const Comparison c = compare_runs({row_of("a0", "lego", "sh", 20, 0), row_of("a1", "lego", "sh", 24, 1),
-                                       row_of("b1", "chair", "sh", 32, 1), row_of("b0", "chair", "sh", 30, 0),
-                                       row_of("n", "lego", "none", 10, 0)});
+    const Comparison c = compare_runs({run_of("a0", "lego", "sh", 20, 0), run_of("a1", "lego", "sh", 24, 1),
+                                       run_of("b1", "chair", "sh", 32, 1), run_of("b0", "chair", "sh", 30, 0),
+                                       run_of("n", "lego", "none", 10, 0)});
     ASSERT_EQ(c.tables.size(), 3u);
     EXPECT_EQ(c.tables[0].scene, "lego");
     const ComparisonTable& dataset = c.tables[2];
@@ -134,21 +96,21 @@ TEST(Comparison, DatasetsAverageTheirScenesRunByRun) {
     EXPECT_EQ(dataset.lines[1].num_scenes, 1u);
     // Other seeds: the scenes' means, without deviation.
     const Comparison odd = compare_runs(
-        {row_of("a0", "lego", "sh", 20, 0), row_of("a1", "lego", "sh", 24, 1), row_of("b", "chair", "sh", 30, 0)});
+        {run_of("a0", "lego", "sh", 20, 0), run_of("a1", "lego", "sh", 24, 1), run_of("b", "chair", "sh", 30, 0)});
     EXPECT_EQ(odd.tables[2].lines[0].values[0]->mean, 26);
     EXPECT_FALSE(odd.tables[2].lines[0].values[0]->deviation);
 }
 
 TEST(Comparison, PlacesFollowTheDirectionOfTheColumn) {
-    std::vector<TableRow> rows;
+    std::vector<RunResult> runs;
     const double psnr[] = {20, 25, 24, 25.001, 10}, flip[] = {0.3, 0.1, 0.2, 0.4, 0.5};
     for (int i = 0; i < 5; ++i) {
-        rows.push_back(row_of(std::string(1, char('a' + i)), "lego", "m" + std::to_string(i), psnr[i]));
-        rows.back().further_metrics = {{"FLIP", flip[i]}, {"odd", 1.0 * i}};
-        rows.back().num_gaussians = i;
-        rows.back().train_seconds = 7;
+        runs.push_back(run_of(std::string(1, char('a' + i)), "lego", "m" + std::to_string(i), psnr[i]));
+        runs.back().scores = {{"FLIP", {flip[i], ""}}, {"odd", {1.0 * i, ""}}};
+        runs.back().num_gaussians = i;
+        runs.back().train_seconds = 7;
     }
-    const Comparison c = compare_runs(rows);
+    const Comparison c = compare_runs(runs);
     const auto places = [&](const std::string& key) {
         const auto column =
             std::find_if(c.columns.begin(), c.columns.end(), [&](const Column& x) { return x.key == key; }) -
@@ -165,9 +127,9 @@ TEST(Comparison, PlacesFollowTheDirectionOfTheColumn) {
 }
 
 TEST(Comparison, MixedProtocolsAreRefusedByName) {
-    TableRow a = row_of("first", "lego", "sh", 20), b = row_of("second", "lego", "sv", 21),
-             c = row_of("third", "lego", "nasg", 21);
-    b.protocol = "protocol inria: ...", c.protocol.clear();
+    RunResult a = run_of("first", "lego", "sh", 20), b = run_of("second", "lego", "sv", 21),
+              c = run_of("third", "lego", "nasg", 21);
+    b.protocol["line"] = "protocol inria: ...", c.protocol = nullptr;
     try {
         compare_runs({a, b, c});
         FAIL();
@@ -183,28 +145,28 @@ TEST(Comparison, MixedProtocolsAreRefusedByName) {
 }
 
 TEST(Columns, MetricsThatAreMissingSaySoWhereSomebodyWantsThem) {
-    TableRow row = row_of("a", "lego", "sh", 20);
-    const auto table = [](const std::vector<TableRow>& rows) {
-        return format_comparison(compare_runs(rows), TableFormat::kMarkdown);
+    RunResult result = run_of("a", "lego", "sh", 20);
+    const auto table = [](const std::vector<RunResult>& runs) {
+        return format_comparison(compare_runs(runs), TableFormat::kMarkdown);
     };
     for (const char* absent : {"| LPIPS", "| DISTS", "| MILO", "| FLIP", "not measured"})
-        EXPECT_EQ(table({row}).find(absent), std::string::npos) << table({row});
-    TableRow asked = row_of("b", "lego", "sv", 20), measured = row_of("c", "lego", "nasg", 20);
-    asked.not_measured["MILO"] = "not measured: no weights (see ...)";
+        EXPECT_EQ(table({result}).find(absent), std::string::npos) << table({result});
+    RunResult asked = run_of("b", "lego", "sv", 20), measured = run_of("c", "lego", "nasg", 20);
+    asked.scores["MILO"].reason = "not measured: no weights (see ...)";
     EXPECT_NE(table({asked}).find("|       MILO |"), std::string::npos) << table({asked});
     EXPECT_NE(table({asked}).find("| no weights |"), std::string::npos) << table({asked});
-    measured.further_metrics["LPIPS-VGG"] = 0.125;
-    EXPECT_NE(table({row, measured}).find(" 0.1250 |"), std::string::npos);
-    EXPECT_NE(table({row, measured}).find("| not measured |"), std::string::npos) << "the other one";
+    measured.scores["LPIPS-VGG"].value = 0.125;
+    EXPECT_NE(table({result, measured}).find(" 0.1250 |"), std::string::npos);
+    EXPECT_NE(table({result, measured}).find("| not measured |"), std::string::npos) << "the other one";
 }
 
 class Formats : public ::testing::Test {
   protected:
     Formats() {
-        TableRow odd = row_of("a_b|c", "x,\"y\"", "50%", 27.126), repeated = row_of("r0", "x,\"y\"", "<b>&", 20, 0),
-                 again = row_of("r1", "x,\"y\"", "<b>&", 21, 1);
+        RunResult odd = run_of("a_b|c", "x,\"y\"", "50%", 27.126), repeated = run_of("r0", "x,\"y\"", "<b>&", 20, 0),
+                  again = run_of("r1", "x,\"y\"", "<b>&", 21, 1);
         odd.strategy.clear();
-        odd.not_measured["LPIPS-VGG"] = "not measured: no weights";
+        odd.scores["LPIPS-VGG"].reason = "not measured: no weights";
         odd.num_gaussians = 10000, odd.ssim = 0.91234, odd.train_seconds = 125,
         odd.peak_device_bytes = std::int64_t(3) << 29;
         comparison_ = compare_runs({odd, repeated, again});
@@ -244,8 +206,8 @@ TEST_F(Formats, MarksAreThreeOnlyWhereManyCompare) {
     EXPECT_EQ(marks(text(TableFormat::kMarkdown)), (std::vector{true, false, false})) << "two lines: the best";
     EXPECT_EQ(marks(text(TableFormat::kMarkdown, 0)), (std::vector{false, false, false}));
     EXPECT_EQ(marks(text(TableFormat::kMarkdown, 2)), (std::vector{true, true, false}));
-    const Comparison four = compare_runs({row_of("a", "s", "m0", 24), row_of("b", "s", "m1", 23),
-                                          row_of("c", "s", "m2", 22), row_of("d", "s", "m3", 21)});
+    const Comparison four = compare_runs({run_of("a", "s", "m0", 24), run_of("b", "s", "m1", 23),
+                                          run_of("c", "s", "m2", 22), run_of("d", "s", "m3", 21)});
     EXPECT_EQ(marks(format_comparison(four, TableFormat::kMarkdown)), (std::vector{true, true, true}));
     EXPECT_EQ(marks(format_comparison(four, TableFormat::kMarkdown, 1)), (std::vector{true, false, false}));
 }
@@ -292,7 +254,7 @@ TEST_F(Formats, Json) {
 }
 
 TEST_F(Formats, NamesThatAreNoUtf8OrHaveLineBreaksBreakNothing) {
-    Comparison c = compare_runs({row_of("bad\xff\nname", "s", "m", 20)});
+    Comparison c = compare_runs({run_of("bad\xff\nname", "s", "m", 20)});
     EXPECT_NO_THROW(parse_json(format_comparison(c, TableFormat::kJson)));
     const std::string markdown = format_comparison(c, TableFormat::kMarkdown);
     EXPECT_EQ(std::count(markdown.begin(), markdown.end(), '\n'), 7);
