@@ -34,12 +34,12 @@ CLI::Option* add_ranks_option(CLI::App& command, int& ranks) {
         ->check(CLI::Range(1, 4096));
 }
 
-std::unique_ptr<RankTeam> join_ranks(int ranks, const std::string& command, const std::string& subject, int threads) {
+std::unique_ptr<RankGroup> join_ranks(int ranks, const std::string& command, const std::string& subject, int threads) {
     if (ranks == 1) return nullptr;
-    auto team = RankTeam::join(ranks, command + " " + subject);
-    set_num_threads(threads_of_rank(*team, threads));
-    if (team->rank() == 0) team->agree(started_as(command));
-    return team;
+    auto group = RankGroup::join(ranks, command + " " + subject);
+    set_num_threads(threads_of_rank(*group, threads));
+    if (group->rank() == 0) group->agree(started_as(command));
+    return group;
 }
 
 SceneArguments::SceneArguments(CLI::App& command, const std::string& source_help, DeviceOption device)

@@ -11,7 +11,7 @@
 
 #include "eval/runs/saved_run.h"
 #include "lib/core/options_cli.h"
-#include "lib/train/sharded_backend.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 
@@ -19,10 +19,10 @@ namespace gs {
 CLI::Option* add_ranks_option(CLI::App& command, int& ranks);
 
 /// Joins `ranks` processes of this command and gives each its part of the CPU threads, `threads` of them or for 0 of
-/// all. `subject` is what the command is called for (RankTeam::join). Rank 0 then goes on; the others have to call
-/// follow_sharding(team, started_as(command)). Returns null for one rank. Throws what RankTeam::join throws.
-std::unique_ptr<RankTeam> join_ranks(int ranks, const std::string& command, const std::string& subject,
-                                     int threads = 0);
+/// all. `subject` is what the command is called for (RankGroup::join). Rank 0 then goes on; the others have to call
+/// follow_command(group, started_as(command)). Returns null for one rank. Throws what RankGroup::join throws.
+std::unique_ptr<RankGroup> join_ranks(int ranks, const std::string& command, const std::string& subject,
+                                      int threads = 0);
 
 /// Whether SceneArguments declares --device, or the command has one of its own.
 enum class DeviceOption { kDeclared, kOfCommand };

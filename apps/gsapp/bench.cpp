@@ -35,7 +35,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/model/model_file.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/sharded_backend.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 namespace {
@@ -141,7 +141,8 @@ void bench_generated_sets(const TrainArguments& train, const BenchArguments& arg
     const TrainOptions options = train.resolve({.stored_run = false, .default_source = "generated"});
     prepare_bench(options);
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
-    const auto backend = choose_backend(options.device, appearance_spec(options), engine_options(options));
+    const auto backend = make_backend(options.device, appearance_spec(options), engine_options(options));
+    log_device(options.device, *backend);
     Results results(arguments.json);
     for (const std::int64_t count : arguments.generate)
         results.add(bench_generated(*backend, options, count, bench, arguments.compare_deterministic));
@@ -157,14 +158,14 @@ void bench_generated_sets_on_ranks(const TrainArguments& train, const BenchArgum
     if (arguments.repeats.frame_repeat > 0)
         throw UsageError("bench --ranks times steps and no frames; leave out --frame-repeat");
     TrainOptions options = train.resolve({.stored_run = false, .default_source = "generated"});
-    const auto team = join_ranks(num_local_ranks(options), "bench", "", options.threads);
+    const auto group = join_ranks(num_local_ranks(options), "bench", "", options.threads);
     setup_log(shown_messages(options));
-    if (!team) set_num_threads(options.threads);
-    if (team && team->rank() > 0) return follow_sharding(*team, started_as("bench"));
+    if (!group) set_num_threads(options.threads);
+    if (group && group->rank() > 0) return follow_command(*group, started_as("bench"));
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, 0);
     std::vector<RankedBenchResult> results;
     for (const std::int64_t count : arguments.generate)
-        results.push_back(bench_ranks(team.get(), options, count, bench));
+        results.push_back(bench_ranks(group.get(), options, count, bench));
     const std::string text = arguments.json ? ranked_bench_json(results) : format_ranked_bench(results, stdout_style());
     std::fputs(text.c_str(), stdout);
 }
@@ -175,7 +176,8 @@ void bench_scene(const TrainArguments& train, const BenchArguments& arguments) {
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
     const BenchSubject subject = bench_subject(options, saved_iteration(arguments.iteration));
     set_appearance(options, subject.model.appearance);
-    const auto backend = choose_backend(options.device, subject.model.appearance, engine_options(options));
+    const auto backend = make_backend(options.device, subject.model.appearance, engine_options(options));
+    log_device(options.device, *backend);
     BenchResult result =
         bench_model(*backend, options, subject.scene, subject.model, bench, arguments.compare_deterministic);
     result.subject = subject.name;

@@ -157,9 +157,9 @@ void run_eval(const EvalArguments& arguments) {
     changes.device = arguments.metrics.device;
     changes.scores = true;
     changes.other_scene = true;
-    const auto team = join_ranks(arguments.ranks, "eval", fmt::format("{}", fmt::join(arguments.runs, " ")));
-    if (team && team->rank() > 0) return follow_sharding(*team, started_as("eval"));
-    changes.team = team.get();
+    const auto group = join_ranks(arguments.ranks, "eval", fmt::format("{}", fmt::join(arguments.runs, " ")));
+    if (group && group->rank() > 0) return follow_command(*group, started_as("eval"));
+    changes.group = group.get();
     std::vector<RunResult> runs;
     std::optional<WorkFolder> temporary;
     for (Subject& subject : subjects(arguments, changes, temporary)) {

@@ -149,12 +149,12 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
             "'{}' is a point cloud, which has no run folder for the pictures: name a folder with --output DIR",
             arguments.run));
     RunChanges changes = arguments.scene->changes({arguments.run});
-    const auto team = join_ranks(arguments.ranks, "render", arguments.run);
-    if (team && team->rank() > 0) {
-        follow_sharding(*team, started_as("render"));
+    const auto group = join_ranks(arguments.ranks, "render", arguments.run);
+    if (group && group->rank() > 0) {
+        follow_command(*group, started_as("render"));
         return nullptr;
     }
-    changes.team = team.get();
+    changes.group = group.get();
     // The colours of --show appearance are those that the training cameras see.
     changes.needs_scene = (arguments.path.empty() && arguments.orbit == 0) || arguments.show == "appearance";
     SavedRun run = open_saved_run(arguments.run,

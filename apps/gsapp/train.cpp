@@ -13,8 +13,8 @@
 #include "eval/report/comparison.h"
 #include "kernels/base/error.h"
 #include "lib/core/options_cli.h"
-#include "lib/train/rank_training.h"
-#include "lib/train/sharded_backend.h"
+#include "lib/train/follow_training.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 namespace {
@@ -80,14 +80,16 @@ void add_train_command(CLI::App& app, Command& selected) {
             options.json = *json;
             std::optional<LiveView> live;
             if (view_option->count() > 0) live = LiveView{port_of(*view)};
-            const auto team = RankTeam::join(num_local_ranks(options), "train " + options.model);
-            if (team && team->rank() > 0) return follow_training(*team, options);
-            if (team) {
-                choose_device(*team, options.device);
-                agree_on_options(*team, options);
-                options.threads = threads_of_rank(*team, options.threads);
+            const auto group = RankGroup::join(num_local_ranks(options), "train " + options.model);
+            if (group && group->rank() > 0) return follow_training(*group, options);
+            if (group) {
+                choose_device(*group, options.device);
+                agree_on_options(*group, options);
+                options.threads = threads_of_rank(*group, options.threads);
             }
-            const auto train = [&](const TrainOptions& one) { return train_run(one, *frame_rounds, live, team.get()); };
+            const auto train = [&](const TrainOptions& one) {
+                return train_run(one, *frame_rounds, live, group.get());
+            };
             if (*num_runs > 0)
                 print_table(train_seeds(options, *num_runs, train), options);
             else if (const auto result = train(options))

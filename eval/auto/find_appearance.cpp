@@ -19,6 +19,7 @@
 #include "lib/scene/frame.h"
 #include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/group_backend.h"
 #include "lib/train/model_limits.h"
 #include "lib/train/trial_training.h"
 

@@ -18,6 +18,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 namespace {

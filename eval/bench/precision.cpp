@@ -15,6 +15,7 @@
 #include "lib/core/options.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 namespace {
@@ -92,7 +93,8 @@ std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const S
         if (level.gpu_only && !uses_cuda(options.device)) continue;
         TrainOptions with = options;
         level.apply(with);
-        const auto backend = choose_backend(options.device, model.appearance, engine_options(with));
+        const auto backend = make_backend(options.device, model.appearance, engine_options(with));
+        log_device(options.device, *backend);
         backend->upload(model);
         PrecisionRow row{level.name};
         measure_errors(*backend, reference, row);

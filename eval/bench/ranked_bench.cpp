@@ -14,7 +14,7 @@
 #include "lib/core/version.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/sharded_backend.h"
+#include "lib/train/group_backend.h"
 #include "lib/train/step_composer.h"
 
 namespace gs {
@@ -117,18 +117,18 @@ OrderedJson json_of_ranks(const RankedBenchResult& r) {
 
 }  // namespace
 
-RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::int64_t count,
+RankedBenchResult bench_ranks(RankGroup* group, const TrainOptions& options, std::int64_t count,
                               const BenchOptions& bench) {
     const AppearanceSpec appearance = appearance_spec(options);
     RankedBenchResult result;
     result.subject = fmt::format("generated set of {:.3g} M Gaussians, seed {}", double(count) / 1e6, options.seed);
     result.num_gaussians = count;
     result.steps = bench.repeat;
-    result.views_per_step = views_of_step(options.batch, team);
+    result.views_per_step = views_of_step(options.batch, group);
     Gaussians model = generated_gaussians(count, options.seed, appearance);
     Scene scene;
     {
-        const auto renders = make_sharded_backend(team, options.device, appearance, engine_options(options));
+        const auto renders = make_backend(options.device, appearance, engine_options(options), group);
         renders->upload(model);
         scene = generated_scene(*renders, options.background.color);
     }
@@ -139,10 +139,9 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
         images.push_back(std::make_shared<const ViewImage>(view.load()));
         photographs.push_back(images.back()->color);
     }
-    MessageWriter targets;
-    put_targets(targets, photographs);
-    const auto backend =
-        make_sharded_backend(team, options.device, appearance, engine_options(options), result.views_per_step, targets);
+    StepViews views{.per_step = result.views_per_step};
+    put_targets(views.about_targets, photographs);
+    const auto backend = make_backend(options.device, appearance, engine_options(options), group, views);
     result.device = backend->describe();
     backend->upload(model);
     model = {};  // so that rank 0 holds what it holds in a training
@@ -167,7 +166,7 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
     result.seconds = seconds_now() - start;
     result.ranks = backend->take_reports();
     result.link = backend->measure_connection();
-    if (const DeviceLink* link = team ? team->communicator().link() : nullptr) result.link_name = link->name();
+    if (const DeviceLink* link = group ? group->communicator().link() : nullptr) result.link_name = link->name();
     return result;
 }
 

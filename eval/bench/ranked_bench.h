@@ -10,7 +10,7 @@
 #include "eval/pages/text_table.h"
 #include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
-#include "lib/group/rank_team.h"
+#include "lib/group/rank_group.h"
 
 namespace gs {
 
@@ -32,10 +32,10 @@ struct RankedBenchResult {
 };
 
 /// Measures `bench.repeat` steps on a generated set (eval/bench/bench_cases.h) of `count` Gaussians, which the ranks
-/// of `team` hold (null: this process alone). A step has options.batch views, or as many as there are ranks. As in
+/// of `group` hold (null: this process alone). A step has options.batch views, or as many as there are ranks. As in
 /// run_bench all images are decoded, and rates are too small to change the model. The other ranks must be in
-/// follow_sharding.
-RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::int64_t count,
+/// follow_command.
+RankedBenchResult bench_ranks(RankGroup* group, const TrainOptions& options, std::int64_t count,
                               const BenchOptions& bench);
 
 /// Returns the least seconds of a step's exchanges: the most bytes that a rank sends or receives over the bandwidth of

@@ -14,6 +14,7 @@
 #include "lib/model/whole_model.h"
 #include "lib/scene/scene.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 
@@ -55,7 +56,8 @@ FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int
 
 FrameTimesLine time_generated_frames(std::int64_t count, const TrainOptions& options, int frames_per_view) {
     const AppearanceSpec appearance = appearance_spec(options);
-    const auto backend = choose_backend(options.device, appearance, engine_options(options));
+    const auto backend = make_backend(options.device, appearance, engine_options(options));
+    log_device(options.device, *backend);
     backend->upload(generated_gaussians(count, options.seed, appearance));
     return {"-", "generated", options.appearance, count,
             measure_frame_times(*backend, generated_cameras(), options.background.color, frames_per_view)};

@@ -22,7 +22,7 @@
 #include "lib/model/whole_model.h"
 #include "lib/scene/scene.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/sharded_backend.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 
@@ -148,13 +148,8 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     }
     run.iteration = model.iteration;
     run.correction = model.correction;
-    const EngineOptions backend = engine_options(run.options);
-    if (instead.team) {
-        run.backend = make_sharded_backend(instead.team, run.options.device, model.state.appearance, backend);
-        log_info("device: {}", run.backend->describe());
-    } else {
-        run.backend = choose_backend(run.options.device, model.state.appearance, backend);
-    }
+    run.backend = make_backend(run.options.device, model.state.appearance, engine_options(run.options), instead.group);
+    log_device(run.options.device, *run.backend);
     run.backend->upload(model.state);
     run.background = run.options.background.color;
     return run;

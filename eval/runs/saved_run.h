@@ -10,7 +10,7 @@
 #include "eval/runs/evaluate.h"
 #include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
-#include "lib/group/rank_team.h"
+#include "lib/group/rank_group.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
@@ -57,8 +57,8 @@ struct RunChanges {
     /// The options of point clouds without a run, which are refused where this is empty. `source` and `device` of this
     /// struct count for them, too.
     std::optional<TrainOptions> point_cloud = {};
-    RankTeam* team = nullptr;  ///< ranks that hold the model's rows; null: this process alone
-    bool needs_scene = true;   ///< whether a point cloud without a run is refused where no source is named
+    RankGroup* group = nullptr;  ///< ranks that hold the model's rows; null: this process alone
+    bool needs_scene = true;     ///< whether a point cloud without a run is refused where no source is named
 };
 
 /// Loads the scene that `options` of the run options.model, or of a point cloud, name, in the frame of the model. A

@@ -40,20 +40,10 @@ std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appeara
     return cuda ? make_cuda_engine(appearance, options) : make_cpu_engine(appearance, options);
 }
 
-std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const EngineOptions& options) {
-    return std::make_unique<Backend>(make_engine(device, appearance, options));
-}
-
-std::unique_ptr<Engine> choose_engine(Device device, const AppearanceSpec& appearance, const EngineOptions& options) {
-    auto engine = make_engine(device, appearance, options);
+void log_device(Device device, const Backend& backend) {
     // Why there is no GPU; try_device has said why one that is there is not used.
     const bool none = device == Device::kAuto && cuda_device_count() == 0;
-    log_info("device: {}{}", engine->traits().device, none ? " (" + cuda_unavailable_reason() + ")" : "");
-    return engine;
-}
-
-std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const EngineOptions& options) {
-    return std::make_unique<Backend>(choose_engine(device, appearance, options));
+    log_info("device: {}{}", backend.describe(), none ? " (" + cuda_unavailable_reason() + ")" : "");
 }
 
 std::unique_ptr<TensorEngine> choose_tensor_engine(Device device) {

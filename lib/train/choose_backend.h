@@ -22,14 +22,8 @@ EngineOptions engine_options(const TrainOptions& options);
 /// the CPU.
 std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appearance, const EngineOptions& options);
 
-/// Makes a backend of this process alone. Throws as make_engine does.
-std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const EngineOptions& options);
-
-/// Makes the engine and logs its device; for a kAuto that found no GPU also the reason. Throws as make_engine does.
-std::unique_ptr<Engine> choose_engine(Device device, const AppearanceSpec& appearance, const EngineOptions& options);
-
-/// Makes a backend of this process alone as choose_engine does.
-std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const EngineOptions& options);
+/// Logs the device of a backend; for a kAuto that found no GPU also the reason.
+void log_device(Device device, const Backend& backend);
 
 /// Makes the engine on which learned metrics compute. Throws DeviceError as make_backend does.
 std::unique_ptr<TensorEngine> choose_tensor_engine(Device device);

@@ -11,6 +11,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 namespace {
@@ -36,7 +37,8 @@ std::unique_ptr<Backend> TrainingStart::empty_backend() {
     const AppearanceSpec appearance = appearance_spec(options_);
     const EngineOptions options = engine_options(options_);
     auto backend = hooks_.make_backend ? hooks_.make_backend(appearance, options)
-                                       : choose_backend(options_.device, appearance, options);
+                                       : make_backend(options_.device, appearance, options);
+    log_device(options_.device, *backend);
     steps_.use(*backend);
     return backend;
 }

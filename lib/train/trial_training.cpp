@@ -14,6 +14,7 @@
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/densification.h"
+#include "lib/train/group_backend.h"
 #include "lib/train/step_composer.h"
 
 namespace gs {

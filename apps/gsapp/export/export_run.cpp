@@ -37,6 +37,7 @@
 #include "lib/scene/frame.h"
 #include "lib/scene/scene.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 namespace {

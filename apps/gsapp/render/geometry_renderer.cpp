@@ -9,6 +9,7 @@
 #include "kernels/base/parallel.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/group_backend.h"
 
 namespace gs {
 namespace {

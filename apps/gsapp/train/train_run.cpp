@@ -33,7 +33,8 @@
 #include "lib/scene/scene.h"
 #include "lib/scene/verify_images.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/rank_training.h"
+#include "lib/train/follow_training.h"
+#include "lib/train/group_backend.h"
 #include "lib/train/residual_share.h"
 
 namespace gs {
@@ -208,7 +209,7 @@ std::string free_run_folder(const fs::path& parent, const TrainOptions& options,
 }
 
 std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view,
-                                   RankTeam* team) {
+                                   RankGroup* group) {
     setup_log(shown_messages(options));
     try_device(options.device);
     if (!options.model.empty()) require_free_folder(options);
@@ -265,9 +266,9 @@ std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const
     else if (options.eval)
         log_warning("--eval: there are no test views ({})", scene.split_rule);
     if (live) hooks = watched(std::move(hooks), *live);
-    if (team || options.batch.value_or(1) > 1)
-        hooks.make_backend = [&](const AppearanceSpec& appearance, const EngineOptions& backend) {
-            return make_ranked_backend(team, options, scene, appearance, backend);
+    if (group || options.batch.value_or(1) > 1)
+        hooks.make_backend = [&](const AppearanceSpec& appearance, const EngineOptions& engine) {
+            return make_backend(options.device, appearance, engine, group, step_views(options, scene, group));
         };
     const auto lock = start.lock;
     TrainSummary summary;

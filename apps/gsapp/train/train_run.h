@@ -31,7 +31,7 @@ class TargetViews {
     const std::vector<Photograph> photographs_;
 };
 
-class RankTeam;
+class RankGroup;
 
 /// Returns <parent>/<scene>-<appearance>-<n> with the first n from 1 on for which no folder of that name with `suffix`
 /// behind it exists.
@@ -46,9 +46,9 @@ struct LiveView {
 /// Trains one run of checked options in the folder `options.model` (empty: a free one in output/), chooses the
 /// appearance before where the options say auto, and with `options.eval` scores the views held out. `frame_rounds`:
 /// rounds through these in which frames of the trained model are timed; 0 = none. Sets up the log, which also goes to
-/// the folder, catches interrupts, and shows the progress. With a `team` this is its rank 0. Returns the result
+/// the folder, catches interrupts, and shows the progress. With a `group` this is its rank 0. Returns the result
 /// where views were scored. Throws what load_scene, open_run, find_appearance and train throw.
 std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view = {},
-                                   RankTeam* team = nullptr);
+                                   RankGroup* group = nullptr);
 
 }  // namespace gs

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tells the other ranks what to hold, and follows rank 0 there.
-#include "lib/train/sharded_backend.h"
+#include "lib/train/group_backend.h"
 
 #include <fmt/format.h>
 
@@ -44,55 +44,54 @@ int num_local_ranks(const TrainOptions& options) {
                       ")");
 }
 
-void choose_device(const RankTeam& team, Device device) {
+void choose_device(const RankGroup& group, Device device) {
     const int count = uses_cuda(device) ? cuda_device_count() : 0;
     if (count == 0) return;  // make_backend says why, where a GPU was asked for
-    if (team.local_size() > count && !may_share_gpus() && !(count == 1 && slurm_binds_gpus()))
+    if (group.local_size() > count && !may_share_gpus() && !(count == 1 && slurm_binds_gpus()))
         throw UsageError(
             fmt::format("{} processes of this machine would share {} GPU{}; start as many as there are, "
                         "or set GSAPP_SHARE_GPUS=1 to try it",
-                        team.local_size(), count, count == 1 ? "" : "s"));
-    use_cuda_device(team.local_rank() % count);
+                        group.local_size(), count, count == 1 ? "" : "s"));
+    use_cuda_device(group.local_rank() % count);
 }
 
-void connect_devices(RankTeam& team, Device device) {
+void connect_devices(RankGroup& group, Device device) {
     if (device == Device::kCpu) return;
-    const std::string why_not = team.connect_devices(cuda_device_id());
-    if (team.rank() > 0) return;
+    const std::string why_not = group.connect_devices(cuda_device_id());
+    if (group.rank() > 0) return;
     if (!why_not.empty()) log_warning("ranks: splats pass through the host's memory: {}", why_not);
-    if (const DeviceLink* link = team.communicator().link())
+    if (const DeviceLink* link = group.communicator().link())
         log_debug("ranks: splats go from GPU to GPU by {}", link->name());
 }
 
-std::unique_ptr<Backend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
-                                              const EngineOptions& options, int views_per_step,
-                                              const MessageWriter& about_targets, bool is_announced) {
-    if (team) choose_device(*team, device);
-    auto engine = (is_announced ? choose_engine : make_engine)(device, appearance, options);
-    if (!team) return std::make_unique<Backend>(std::move(engine), nullptr, views_per_step);
+std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const EngineOptions& options,
+                                      RankGroup* group, const StepViews& views) {
+    if (group) choose_device(*group, device);
+    auto engine = make_engine(device, appearance, options);
+    if (!group) return std::make_unique<Backend>(std::move(engine), nullptr, views.per_step);
     MessageWriter message;
-    message.put(TeamCall::kHold).put(device);
+    message.put(GroupCall::kHold).put(device);
     message.put(appearance.model).put(appearance.max_degree).put(appearance.activation).put(options);
-    send_to_others(team->communicator(), message);
-    send_to_others(team->communicator(), about_targets);
-    connect_devices(*team, device);
-    return std::make_unique<Backend>(std::move(engine), &team->communicator(), views_per_step);
+    send_to_others(group->communicator(), message);
+    send_to_others(group->communicator(), views.about_targets);
+    connect_devices(*group, device);
+    return std::make_unique<Backend>(std::move(engine), &group->communicator(), views.per_step);
 }
 
-void follow_backends(RankTeam& team, const TargetSourceMaker& make_targets) {
+void follow_backends(RankGroup& group, const TargetSourceMaker& make_targets) {
     while (true) {
-        MessageReader message = receive_from_rank_0(team.communicator());
-        if (message.get<TeamCall>() == TeamCall::kLeave) return;
+        MessageReader message = receive_from_rank_0(group.communicator());
+        if (message.get<GroupCall>() == GroupCall::kLeave) return;
         AppearanceSpec appearance;
         const auto device = message.get<Device>();
         message.get(appearance.model), message.get(appearance.max_degree), message.get(appearance.activation);
         const auto options = message.get<EngineOptions>();
-        MessageReader about_targets = receive_from_rank_0(team.communicator());
+        MessageReader about_targets = receive_from_rank_0(group.communicator());
         const TargetSource targets = make_targets(about_targets);
-        choose_device(team, device);
-        connect_devices(team, device);
+        choose_device(group, device);
+        connect_devices(group, device);
         const auto engine = make_engine(device, appearance, options);
-        follow(team.communicator(), *engine, targets);
+        follow(group.communicator(), *engine, targets);
     }
 }
 
@@ -101,10 +100,10 @@ void put_targets(MessageWriter& message, const std::vector<Image>& targets) {
     for (const Image& image : targets) message.put(image.width).put(image.height).put(image.channels).put(image.u8);
 }
 
-void follow_sharding(RankTeam& team, const std::string& started_as) {
-    team.follow([&] {
-        team.agree(started_as);
-        follow_backends(team, [](MessageReader& message) -> TargetSource {
+void follow_command(RankGroup& group, const std::string& started_as) {
+    group.follow([&] {
+        group.agree(started_as);
+        follow_backends(group, [](MessageReader& message) -> TargetSource {
             if (message.at_end()) return {};  // no steps are taken
             std::vector<Image> images(message.get<std::uint64_t>());
             for (Image& image : images)
@@ -121,15 +120,15 @@ void follow_sharding(RankTeam& team, const std::string& started_as) {
 
 std::string started_as(const std::string& command) { return version_text() + "\ngsapp " + command + "\n"; }
 
-int views_of_step(const std::optional<int>& batch, const RankTeam* team) {
+int views_of_step(const std::optional<int>& batch, const RankGroup* group) {
     if (batch) return *batch;
-    return team ? std::min(team->size(), int(kLogInterval)) : 1;  // steps end at multiples of it
+    return group ? std::min(group->size(), int(kLogInterval)) : 1;  // steps end at multiples of it
 }
 
-int threads_of_rank(const RankTeam& team, int wanted) {
+int threads_of_rank(const RankGroup& group, int wanted) {
     if (wanted > 0) return wanted;
     set_num_threads(0);
-    return std::max(1, num_threads() / team.local_size());
+    return std::max(1, num_threads() / group.local_size());
 }
 
 }  // namespace gs

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Starts the other ranks of one machine, watches all ranks in a thread of its own, and breaks off what waits for them
 // when one is lost.
-#include "lib/group/rank_team.h"
+#include "lib/group/rank_group.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -177,7 +177,7 @@ void end_with_rank_0() {
     if (std::to_string(::getppid()) != parent) ::_exit(int(ExitCode::kUnexpected));  // it has already ended
 }
 
-struct RankTeam::Implementation {
+struct RankGroup::Implementation {
     RankPlace place;
     Credentials credentials;
     std::optional<Roster> roster;  ///< on rank 0
@@ -259,7 +259,7 @@ struct RankTeam::Implementation {
         return to_rank;
     }
 
-    /// Waits for `time`, or returns true at once when the team ends.
+    /// Waits for `time`, or returns true at once when the group ends.
     bool ends_within(milliseconds time) {
         std::unique_lock lock(mutex);
         return ending_changed.wait_for(lock, time, [&] { return ending; });
@@ -313,100 +313,100 @@ struct RankTeam::Implementation {
     }
 };
 
-std::unique_ptr<RankTeam> RankTeam::join(int local_ranks, const std::string& work) {
+std::unique_ptr<RankGroup> RankGroup::join(int local_ranks, const std::string& work) {
     const auto place = rank_place(environment);
     if (place && local_ranks > 1 && local_ranks != place->size)
         throw UsageError(fmt::format("option ranks: {} is not the number of processes that were started, which is {}",
                                      local_ranks, place->size));
     if (!place && local_ranks <= 1) return nullptr;
-    auto team = std::make_unique<Implementation>();
-    const Credentials& credentials = team->credentials = {place ? shared_secret(environment) : random_secret(),
-                                                          job_of(work, place ? place->size : local_ranks)};
+    auto group = std::make_unique<Implementation>();
+    const Credentials& credentials = group->credentials = {place ? shared_secret(environment) : random_secret(),
+                                                           job_of(work, place ? place->size : local_ranks)};
     if (!place) {
-        team->place = {0, local_ranks, 0, local_ranks, "127.0.0.1", 0};
-        team->roster.emplace(local_ranks);
-        team->port.emplace("127.0.0.1", 0, 0, local_ranks, credentials, answers_of(*team->roster));
-        team->processes.emplace(local_ranks, team->port->port(), credentials.secret);
+        group->place = {0, local_ranks, 0, local_ranks, "127.0.0.1", 0};
+        group->roster.emplace(local_ranks);
+        group->port.emplace("127.0.0.1", 0, 0, local_ranks, credentials, answers_of(*group->roster));
+        group->processes.emplace(local_ranks, group->port->port(), credentials.secret);
     } else {
-        team->place = *place;
+        group->place = *place;
         if (place->rank == 0) {
-            team->roster.emplace(place->size);
-            team->port.emplace("0.0.0.0", place->port, 0, place->size, credentials, answers_of(*team->roster));
+            group->roster.emplace(place->size);
+            group->port.emplace("0.0.0.0", place->port, 0, place->size, credentials, answers_of(*group->roster));
         } else {
             end_with_rank_0();
             // Signals to all processes of a job are for rank 0, which ends the others when it has saved the model.
             for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);
-            team->client.emplace(place->rank, place->master, place->port, credentials);
-            const std::string failure = team->client->report(host_name(), kLongestWait);
+            group->client.emplace(place->rank, place->master, place->port, credentials);
+            const std::string failure = group->client->report(host_name(), kLongestWait);
             if (!failure.empty()) throw DeviceError(failure);
         }
     }
-    Implementation* const watched = team.get();
-    team->watch =
+    Implementation* const watched = group.get();
+    group->watch =
         std::thread([watched] { watched->roster ? watched->watch_on_rank_0() : watched->report_to_rank_0(); });
-    return std::unique_ptr<RankTeam>(new RankTeam(std::move(team)));
+    return std::unique_ptr<RankGroup>(new RankGroup(std::move(group)));
 }
 
-RankTeam::RankTeam(std::unique_ptr<Implementation> implementation) : implementation_(std::move(implementation)) {}
+RankGroup::RankGroup(std::unique_ptr<Implementation> implementation) : implementation_(std::move(implementation)) {}
 
-RankTeam::~RankTeam() {
-    Implementation& team = *implementation_;
-    const bool whole = team.reason().empty();
-    team.end();
-    if (!team.roster) return;
+RankGroup::~RankGroup() {
+    Implementation& group = *implementation_;
+    const bool whole = group.reason().empty();
+    group.end();
+    if (!group.roster) return;
     bool left = false;
     try {
-        if (whole && team.communicator) {
-            send_to_others(*team.communicator, MessageWriter().put(TeamCall::kLeave));
+        if (whole && group.communicator) {
+            send_to_others(*group.communicator, MessageWriter().put(GroupCall::kLeave));
             left = true;
         }
     } catch (const Error&) {  // the connection was broken off in the middle of something
     }
     if (!left) {
-        team.roster->fail("rank 0 has ended");
-        if (team.communicator) team.communicator->abort();  // nobody is there to take leave of
-        if (team.processes)
-            team.processes->kill();
+        group.roster->fail("rank 0 has ended");
+        if (group.communicator) group.communicator->abort();  // nobody is there to take leave of
+        if (group.processes)
+            group.processes->kill();
         else
             std::this_thread::sleep_for(2 * kReport);  // so that ranks elsewhere hear of it
     }
-    team.communicator.reset();  // the devices take leave of each other
-    team.processes.reset();     // waits for them
+    group.communicator.reset();  // the devices take leave of each other
+    group.processes.reset();     // waits for them
 }
 
-int RankTeam::rank() const { return implementation_->place.rank; }
-int RankTeam::size() const { return implementation_->place.size; }
-int RankTeam::local_size() const { return implementation_->place.local_size; }
-int RankTeam::local_rank() const { return implementation_->place.local_rank; }
+int RankGroup::rank() const { return implementation_->place.rank; }
+int RankGroup::size() const { return implementation_->place.size; }
+int RankGroup::local_size() const { return implementation_->place.local_size; }
+int RankGroup::local_rank() const { return implementation_->place.local_rank; }
 
-void RankTeam::set(const std::string& key, const std::string& value) {
+void RankGroup::set(const std::string& key, const std::string& value) {
     implementation_->set("gsapp/" + key, {value.begin(), value.end()});
 }
-std::string RankTeam::get(const std::string& key) {
+std::string RankGroup::get(const std::string& key) {
     const auto value = implementation_->get("gsapp/" + key);
     return {value.begin(), value.end()};
 }
 
-Communicator& RankTeam::communicator() {
-    Implementation& team = *implementation_;
-    if (team.communicator) return *team.communicator;
+Communicator& RankGroup::communicator() {
+    Implementation& group = *implementation_;
+    if (group.communicator) return *group.communicator;
     std::unique_ptr<Communicator> connection;
     try {
-        connection = connect_by_sockets(rank(), team.connect_all());
+        connection = connect_by_sockets(rank(), group.connect_all());
     } catch (const DeviceError& e) {
-        const std::string reason = team.awaited_reason();
+        const std::string reason = group.awaited_reason();
         throw DeviceError(reason.empty() ? e.what() : reason);
     }
     auto explaining =
-        std::make_unique<ExplainingCommunicator>(std::move(connection), [&team] { return team.awaited_reason(); });
-    const std::lock_guard lock(team.mutex);
-    team.communicator = std::move(explaining);
+        std::make_unique<ExplainingCommunicator>(std::move(connection), [&group] { return group.awaited_reason(); });
+    const std::lock_guard lock(group.mutex);
+    group.communicator = std::move(explaining);
     // A failure from before was told to nobody.
-    if (!team.failure.empty() || (team.roster && !team.roster->failure().empty())) team.communicator->abort();
-    return *team.communicator;
+    if (!group.failure.empty() || (group.roster && !group.roster->failure().empty())) group.communicator->abort();
+    return *group.communicator;
 }
 
-std::string RankTeam::connect_devices(const std::string& device) {
+std::string RankGroup::connect_devices(const std::string& device) {
     if (std::exchange(implementation_->asked_devices, true)) return "";
     try {
         return gs::connect_devices(communicator(), device);
@@ -416,7 +416,7 @@ std::string RankTeam::connect_devices(const std::string& device) {
     }
 }
 
-void RankTeam::agree(const std::string& text) {
+void RankGroup::agree(const std::string& text) {
     constexpr const char* kStarted = "options";
     if (rank() == 0) return set(kStarted, text);
     const std::string first = get(kStarted);
@@ -427,7 +427,7 @@ void RankTeam::agree(const std::string& text) {
     if (first != text) throw UsageError("its options are not those of rank 0");
 }
 
-void RankTeam::follow(const std::function<void()>& part) {
+void RankGroup::follow(const std::function<void()>& part) {
     try {
         part();
     } catch (const std::bad_alloc&) {
@@ -440,7 +440,7 @@ void RankTeam::follow(const std::function<void()>& part) {
 }
 
 /// Tells why this rank ends. Returns false if rank 0 cannot be told.
-bool RankTeam::fail(const std::string& message) {
+bool RankGroup::fail(const std::string& message) {
     try {
         implementation_->client->fail(fmt::format("rank {} on {}: {}", rank(), host_name(), message));
         return true;

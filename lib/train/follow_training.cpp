@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Brings ranks to the same views, and follows rank 0 through a training.
-#include "lib/train/rank_training.h"
+#include "lib/train/follow_training.h"
 
 #include <fmt/format.h>
 
@@ -14,7 +14,7 @@
 #include "lib/core/version.h"
 #include "lib/scene/scene.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/sharded_backend.h"
+#include "lib/train/group_backend.h"
 #include "lib/train/step_composer.h"
 #include "lib/train/training_views.h"
 
@@ -72,27 +72,25 @@ struct TrainedScene {
 
 }  // namespace
 
-void agree_on_options(RankTeam& team, const TrainOptions& options) { team.agree(agreed_text(options)); }
+void agree_on_options(RankGroup& group, const TrainOptions& options) { group.agree(agreed_text(options)); }
 
-std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
-                                             const AppearanceSpec& appearance, const EngineOptions& engine_options) {
-    const int batch = views_of_step(options.batch, team);
-    MessageWriter about_targets;
-    about_targets.put(options.seed).put(batch);
-    put_views(about_targets, scene);
-    return make_sharded_backend(team, options.device, appearance, engine_options, batch, about_targets, true);
+StepViews step_views(const TrainOptions& options, const Scene& scene, const RankGroup* group) {
+    StepViews views{.per_step = views_of_step(options.batch, group)};
+    views.about_targets.put(options.seed).put(views.per_step);
+    put_views(views.about_targets, scene);
+    return views;
 }
 
-void follow_training(RankTeam& team, TrainOptions options) {
-    team.follow([&] {
-        agree_on_options(team, options);
-        options.threads = threads_of_rank(team, options.threads);
+void follow_training(RankGroup& group, TrainOptions options) {
+    group.follow([&] {
+        agree_on_options(group, options);
+        options.threads = threads_of_rank(group, options.threads);
         set_num_threads(options.threads);
         const Scene loaded = load_scene(options);
-        follow_backends(team, [&](MessageReader& about_targets) -> TargetSource {
+        follow_backends(group, [&](MessageReader& about_targets) -> TargetSource {
             const auto trained = std::make_shared<TrainedScene>(options, loaded, about_targets);
             trained->views.set_views_per_step(trained->views_per_step,
-                                              [&](int k) { return k % team.size() == team.rank(); });
+                                              [&](int k) { return k % group.size() == group.rank(); });
             return [trained](StepRequest& request) {
                 const auto image = trained->views.image_of_rank(request.target.id, request.iteration);
                 const TargetImage target = target_image(*image, request.target.id);

@@ -44,7 +44,7 @@ class LocalRanks {
 void end_with_rank_0();
 
 /// The ranks of a training.
-class RankTeam {
+class RankGroup {
   public:
     /// Joins the ranks that torchrun or Slurm started (rank_place), or else starts `local_ranks` - 1 processes beside
     /// this one, which becomes rank 0. They get the same command line. `work` says what they are started for, such as
@@ -52,9 +52,9 @@ class RankTeam {
     /// Ranks without the secret of these (shared_secret; a new one for processes started here) are refused. Returns
     /// null for a process that works alone. Throws UsageError if both are asked for and differ or if there is no
     /// secret, DeviceError when rank 0 cannot be reached.
-    static std::unique_ptr<RankTeam> join(int local_ranks, const std::string& work);
+    static std::unique_ptr<RankGroup> join(int local_ranks, const std::string& work);
     /// Rank 0 tells the others that there is nothing more to do.
-    ~RankTeam();
+    ~RankGroup();
 
     int rank() const;
     int size() const;
@@ -85,11 +85,11 @@ class RankTeam {
     bool fail(const std::string& message);
 
     struct Implementation;
-    explicit RankTeam(std::unique_ptr<Implementation> implementation);
+    explicit RankGroup(std::unique_ptr<Implementation> implementation);
     std::unique_ptr<Implementation> implementation_;
 };
 
 /// The messages with which rank 0 begins and ends what the others do: hold rows of a model, or leave.
-enum class TeamCall : std::uint8_t { kHold, kLeave };
+enum class GroupCall : std::uint8_t { kHold, kLeave };
 
 }  // namespace gs
