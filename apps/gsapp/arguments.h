@@ -35,7 +35,7 @@ class SceneArguments {
     SceneArguments(CLI::App& command, const std::string& source_help, DeviceOption device);
 
     /// Returns what open_saved_run is to change for these runs and point clouds. Test views of a point cloud's scene
-    /// are held out unless --eval=false says otherwise. Throws UsageError for a wrong value, and, where there is no
+    /// are held out unless --eval=false says otherwise. Throws UsageError for a wrong value, and if there is no
     /// point cloud, for options that only one takes, unless the runs were trained with the same values.
     RunChanges changes(const std::vector<std::string>& runs) const;
 

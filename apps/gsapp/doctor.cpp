@@ -58,7 +58,7 @@ Finding program(const std::string& name, const std::vector<std::string>& names, 
     return finding;
 }
 
-/// Returns the first line of a file of the kernel, empty where there is none.
+/// Returns the first line of a file of the kernel, empty if there is none.
 std::string first_line(const char* path) {
     std::ifstream file(path);
     std::string line;

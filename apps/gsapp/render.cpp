@@ -127,7 +127,7 @@ void unite_sizes(std::vector<ViewSet>& sets) {
 }
 
 /// Returns where the pictures of a set go. A folder that the user names holds them itself, and a folder for each set
-/// where there are several.
+/// if there are several.
 fs::path folder_of(const RenderArguments& arguments, const SavedRun& run, const std::string& set) {
     if (arguments.output.empty()) return run.folder / "renders" / fmt::format("iteration_{}", run.iteration) / set;
     const fs::path folder = arguments.output;

@@ -78,10 +78,10 @@ struct AppearanceMeasurements {
 struct AppearanceDecision {
     std::string model;  ///< to train
     RemainingError remaining = RemainingError::kUnresolved;
-    std::optional<AppearanceChoice> choice = {};  ///< among the trials; empty where no model was tried
+    std::optional<AppearanceChoice> choice = {};  ///< among the trials; empty if no model was tried
 };
 
-/// Chooses among the trials as choose_appearance does; the plain model where none was needed, or possible.
+/// Chooses among the trials as choose_appearance does; the plain model if none was needed, or possible.
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance);
 
 /// What `--appearance auto` says about its choice, for people and for programs.

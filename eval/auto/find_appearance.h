@@ -17,7 +17,7 @@ namespace gs {
 /// looked at. Takes at most half as long as the run that would follow, as far as a trial's iterations tell: a trial
 /// that would exceed this, or does, has no result and is unfinished. (What comes before the trials, and the first of
 /// them, always ends.) With options.time_limit all of this has a tenth of it, and the first trial need not end.
-/// Measures nothing where trials would have fewer than kFewestTrialIterations. The same options and seed give the same
+/// Measures nothing if trials would have fewer than kFewestTrialIterations. The same options and seed give the same
 /// measurements, but for times, unless time ran out. Without `with_trials` it ends before these. Throws what training
 /// throws.
 AppearanceMeasurements measure_appearances(const TrainOptions& options, const Scene& scene, bool with_trials = true);

@@ -31,7 +31,7 @@ struct Photograph {
 /// Returns the image of view k, which is in memory already. Called from several threads.
 using ImageOf = std::function<std::shared_ptr<const ViewImage>(std::size_t k)>;
 
-/// Reads the photographs through `image`, or from their files where there is none. Views whose mask lets no pixel count
+/// Reads the photographs through `image`, or from their files if there is none. Views whose mask lets no pixel count
 /// are left out. Throws what View::load throws.
 std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background,
                                          const ImageOf& image = {});

@@ -51,7 +51,7 @@ struct BenchResult {
 Gaussians initial_model(const TrainOptions& options, const Scene& scene);
 
 /// Uploads `model` and measures it on the views of `scene`. Frames are timed on the test views (the training views
-/// where there are none), iterations on training views in turn, spread over the scene. Images are decoded, and the
+/// if there are none), iterations on training views in turn, spread over the scene. Images are decoded, and the
 /// device has seen each of them once, before the clock starts. Learning rates and noise are a millionth of those of
 /// `options`, so that the work is the same and the model stays what it was.
 BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,

@@ -35,7 +35,7 @@ FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& came
 /// One line of the table: the run and its times.
 struct FrameTimesLine {
     std::string run, scene, model;
-    std::optional<std::int64_t> num_gaussians;  ///< empty where it is not known
+    std::optional<std::int64_t> num_gaussians;  ///< empty if it is not known
     FrameTimes times;
 };
 

@@ -32,11 +32,11 @@ struct PrecisionRow {
     double frame_seconds = 0, iteration_seconds = 0;
     std::optional<double> model_bytes = {};    ///< parameters and moments per Gaussian in a GPU's memory
     double mean_error = 0, largest_error = 0;  ///< errors of channels clamped to [0,1], in steps of 1/255
-    double psnr = 0;                           ///< dB, frames against those in double; infinite where none differs
+    double psnr = 0;                           ///< dB, frames against those in double; infinite if none differs
 };
 
 /// Measures `model` on the scene at every level that the device of `options` supports, one level after another. Frames
-/// of the test views (of the training views where there are none) and iterations are timed as run_bench does; errors
+/// of the test views (of the training views if there are none) and iterations are timed as run_bench does; errors
 /// are measured on up to four of those views.
 std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const Scene& scene, const Gaussians& model,
                                             const BenchOptions& bench);

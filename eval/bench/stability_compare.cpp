@@ -21,7 +21,7 @@ using Results = StabilitySubject::Results;
 constexpr Real kRounding = 0x1p-24L;
 /// The floor of both scales: below it products of a few factors underflow in float.
 constexpr Real kFloor = 1e-30L;
-/// A value counts for the relative error where its scale is this many times the change by one rounding of the inputs.
+/// A value counts for the relative error if its scale is this many times the change by one rounding of the inputs.
 constexpr Real kDetermined = 1000;
 /// The number of perturbations: enough to come close to the worst one of a few inputs, cheap enough for 1e5 cases.
 constexpr int kPerturbations = 8;

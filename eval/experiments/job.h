@@ -20,7 +20,7 @@ struct Job {
     TrainOptions options;  ///< validated; `model` is its own folder
 };
 
-/// Gives one of several runs its folder, and where there is options.tensorboard a folder of the same name in that.
+/// Gives one of several runs its folder, and if there is options.tensorboard a folder of the same name in that.
 void set_folder(TrainOptions& options, const std::filesystem::path& folder);
 
 /// Returns the fields of a job's result that suite.json and tradeoff.json have.
@@ -32,7 +32,7 @@ nlohmann::ordered_json job_json(const RunResult& result);
 /// figures (messages, image cache, saving along the way) may differ.
 std::optional<RunResult> finished_job(const TrainOptions& options);
 
-/// Says how the run in the folder `options.model` differs from `options`: "resolution 80, now 160". Empty where it does
+/// Says how the run in the folder `options.model` differs from `options`: "resolution 80, now 160". Empty if it does
 /// not differ and where the folder holds no run.
 std::string difference_to_run(const TrainOptions& options);
 

@@ -50,7 +50,7 @@ std::string new_owner() {
     return fmt::format("{} {} {}.{}\n", machine(), ::getpid(), Clock::now().time_since_epoch().count(), ++count);
 }
 
-/// Returns the content of a file, which is empty where there is none; nothing if it cannot be read now.
+/// Returns the content of a file, which is empty if there is none; nothing if it cannot be read now.
 std::optional<std::string> content(const fs::path& file) {
     const int fd = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
     if (fd < 0) return errno == ENOENT ? std::optional(std::string()) : std::nullopt;

@@ -53,7 +53,7 @@ struct JobNote {
     friend bool operator==(const JobNote&, const JobNote&) = default;
 };
 
-/// Returns what the file says; empty where there is none, or it cannot be read now.
+/// Returns what the file says; empty if there is none, or it cannot be read now.
 JobNote read_note(const std::filesystem::path& file);
 
 /// What this process has seen of the claims of others.

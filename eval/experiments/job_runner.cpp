@@ -280,7 +280,7 @@ class JobRunner {
         }
     }
 
-    /// Returns when the results of a job were written; the least time where there are none.
+    /// Returns when the results of a job were written; the least time if there are none.
     fs::file_time_type result_time(std::size_t k) const {
         std::error_code error;
         const fs::file_time_type time = fs::last_write_time(RunFolder{jobs_[k].options.model}.results(), error);

@@ -25,7 +25,7 @@ struct Configuration {
 /// CPU; iterations a quarter and all of `base.iterations`; any other option all its choices. time and size are short
 /// for time-limit and size-limit. Axes may be any option that changes the model, its time or its size, and leaves
 /// scores comparable. Values are not checked yet. Throws UsageError for an unknown name (naming the nearest), a name
-/// twice, or without values where there are no default ones.
+/// twice, or without values if there are no default ones.
 std::vector<TradeoffAxis> parse_axes(const std::vector<std::string>& words, const TrainOptions& base);
 
 /// Returns `base` with these values (`base` is not validated, so that each configuration decides "0 or -1 = by

@@ -42,7 +42,7 @@ void require_same_scene(const Rounds& rounds, const Scene& scene) {
         }
 }
 
-/// Says how many configurations have a --cap-max below the scene's `points`; empty where none has.
+/// Says how many configurations have a --cap-max below the scene's `points`; empty if none has.
 std::string remark_on_budgets(const std::vector<Configuration>& round, std::int64_t points) {
     const auto below =
         std::count_if(round.begin(), round.end(), [&](const Configuration& c) { return c.options.cap_max < points; });

@@ -16,7 +16,7 @@ namespace gs {
 /// How long trainings will take, judged by those that have ended.
 class TimePlan {
   public:
-    /// A training that has ended. `wall_seconds`: with loading and scoring; empty where nobody measured it.
+    /// A training that has ended. `wall_seconds`: with loading and scoring; empty if nobody measured it.
     void add(const TrainOptions& options, double train_seconds, std::optional<double> wall_seconds);
 
     /// The expected time from start to scores, s: the time limit, where the options have one, else that of the ended

@@ -12,7 +12,7 @@ namespace gs {
 /// The authors' default of 67.02 pixels per degree: a 4K screen 0.7 m wide, seen from 0.7 m.
 inline constexpr double kFlipPixelsPerDegree = 3840 * 3.14159265358979323846 / 180;
 
-/// Returns the FLIP error of each pixel (H,W) in [0,1], 0 where the images agree; symmetric. The images are sRGB of any
+/// Returns the FLIP error of each pixel (H,W) in [0,1], 0 if the images agree; symmetric. The images are sRGB of any
 /// size with 3 channels; values are clamped to [0,1], and pixels beyond the border repeat it. Computes in double; the
 /// result does not depend on the number of threads. Throws UsageError when sizes differ, there are not 3 channels, or
 /// pixels_per_degree is not in [1, 1000].

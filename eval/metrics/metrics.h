@@ -19,7 +19,7 @@ namespace gs {
 /// A score, or the reason why there is none.
 struct MetricScore {
     std::optional<double> value;  ///< infinite for the PSNR of identical images
-    std::string reason;           ///< "not measured: ..." where there is no value
+    std::string reason;           ///< "not measured: ..." if there is no value
 };
 
 /// The names, direction and precision of a metric in tables.

@@ -140,7 +140,7 @@ class Drawing {
         return out + fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"/></g>\n", x, y, p.grey ? 3.5 : 5);
     }
 
-    /// Draws the label beside, above or below the point where there is room, and further down where there is none.
+    /// Draws the label beside, above or below the point if there is room, and further down if there is none.
     std::string label(const ScatterPoint& p) {
         const double x = px(p.x), y = py(p.y), width = kLetterWidth * double(p.label.size());
         const auto box_at = [&](bool left, double dy) {

@@ -9,7 +9,7 @@ namespace gs {
 
 /// The text of a cell, not escaped yet.
 struct TextCell {
-    std::string text, deviation = {};  ///< no deviation where it is empty
+    std::string text, deviation = {};  ///< no deviation if it is empty
     int place = 0;                     ///< 1, 2, 3 in its column, 0 = none (see ColumnStats)
 };
 

@@ -95,7 +95,7 @@ std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samp
     return stats;
 }
 
-/// Returns the mean element by element; empty where one of the samples is.
+/// Returns the mean element by element; empty if one of the samples is.
 Sample mean_sample(const std::vector<Sample>& samples) {
     Sample mean(samples[0].size(), 0.0);
     for (const Sample& sample : samples)

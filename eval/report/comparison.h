@@ -39,7 +39,7 @@ const ColumnUnit& column_unit(const Column& column, double largest);
 /// bytes of a Gaussian, #Gs, train time, peak memory and FPS.
 std::vector<Column> table_columns(const std::vector<RunResult>& runs);
 
-/// Returns the value of a result; empty where it has none.
+/// Returns the value of a result; empty if it has none.
 std::optional<double> column_value(const Column& column, const RunResult& result);
 
 /// The statistics of one column over the runs of a line.
@@ -59,7 +59,7 @@ struct ComparisonLine {
     std::string options;  ///< "key value, ...": differences between lines of one model and strategy
     std::size_t num_runs = 1;
     std::size_t num_scenes = 1;
-    std::vector<std::optional<ColumnStats>> values;  ///< one per column; empty where a run lacks it
+    std::vector<std::optional<ColumnStats>> values;  ///< one per column; empty if a run lacks it
 };
 
 /// The lines of one scene or dataset.

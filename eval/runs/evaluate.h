@@ -43,7 +43,7 @@ CorrectionMode choose_correction(const std::string& text, CorrectionMode best);
 
 /// Returns the best mode of a model: its controller, else neutral values, or kOff without PPISP.
 CorrectionMode best_correction(const PpispState& state);
-/// Returns the best correction of the model whose ppisp.json is in the run folder; off where there is none.
+/// Returns the best correction of the model whose ppisp.json is in the run folder; off if there is none.
 EvalCorrection saved_correction(const std::filesystem::path& run_folder);
 
 /// Returns the state with vignetting parameters of 0, so that no lens darkens anything.
@@ -66,7 +66,7 @@ struct EvalOptions {
 };
 
 /// Returns the photograph of a view as the protocol compares it, on `background` where it has alpha. Throws DataError
-/// where it cannot be read, or has another size than its camera.
+/// if it cannot be read, or has another size than its camera.
 Image photograph_of(const View& view, const Vec3<float>& background, const Protocol& protocol = protocols().front());
 
 /// Returns how the scores of `num_views` views are made, as `protocol` of results.json has it.

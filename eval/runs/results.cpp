@@ -38,7 +38,7 @@ Json existing(const std::filesystem::path& path) {
     return json;
 }
 
-/// Returns the object under `key` and makes one where there is none.
+/// Returns the object under `key` and makes one if there is none.
 Json& section(Json& json, const std::string& key) {
     if (!json[key].is_object()) json[key] = Json::object();
     return json[key];
@@ -65,7 +65,7 @@ void write_field(Json& results, const RunResult& result, const ResultField& fiel
         section(section(results, part), key)[field.name] = *value;
 }
 
-/// Returns the stored value of a field; null where there is none.
+/// Returns the stored value of a field; null if there is none.
 const Json* stored(const Json& results, const std::string& key, const ResultField& field) {
     if (!field.section) return nullptr;
     const std::string part = field.section;

@@ -48,7 +48,7 @@ struct RunResult {
     std::optional<std::int64_t> peak_device_bytes;  ///< most GPU memory held while training
 
     std::optional<std::string> photometric;    ///< decision of --ppisp auto
-    nlohmann::ordered_json appearance_choice;  ///< auto.json of the run; null where the model was named
+    nlohmann::ordered_json appearance_choice;  ///< auto.json of the run; null if the model was named
     nlohmann::ordered_json plan;               ///< plan of a run with constraints; null without
 
     std::string dataset;                                 ///< name of the dataset; its scenes are averaged
@@ -97,9 +97,9 @@ const std::vector<ResultField>& result_fields();
 /// Returns the field of this name, which must be one.
 const ResultField& result_field(const std::string& name);
 
-/// Returns the value of a number; empty where the result lacks it, and for other fields.
+/// Returns the value of a number; empty if the result lacks it, and for other fields.
 std::optional<double> field_number(const RunResult& result, const ResultField& field);
-/// Returns the value in JSON, which has null for infinity; empty where the result lacks it.
+/// Returns the value in JSON, which has null for infinity; empty if the result lacks it.
 std::optional<nlohmann::ordered_json> field_json(const RunResult& result, const ResultField& field);
 /// Takes the value out of JSON. Returns false, and leaves the field as it is, for a value of another type.
 bool read_field(RunResult& result, const ResultField& field, const nlohmann::ordered_json& value);

@@ -45,7 +45,7 @@ bool holds_model(const std::filesystem::path& run_folder);
 
 /// Reads the model of `iteration` (of the last saved one when empty) from its PLY, or from its checkpoint where there
 /// is no PLY. Throws DataError naming what is missing. Warns where ppisp.json is of another iteration. Also reads a
-/// point cloud without a run, which has no iterations: UsageError where one is named.
+/// point cloud without a run, which has no iterations: UsageError if one is named.
 SavedModel read_saved_model(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
 
 /// Values that replace the run's own options where they are not empty.
@@ -76,7 +76,7 @@ TrainOptions saved_options(const std::filesystem::path& run_folder, const RunCha
 SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration,
                         const RunChanges& instead = {});
 
-/// Reads the record of how `--appearance auto` chose the run's model; null where the model was named. Throws DataError
+/// Reads the record of how `--appearance auto` chose the run's model; null if the model was named. Throws DataError
 /// for a file that is no JSON object.
 nlohmann::ordered_json read_appearance_choice(const std::filesystem::path& run_folder);
 

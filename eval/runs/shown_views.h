@@ -13,7 +13,7 @@ namespace gs {
 /// The number of views of a page whose photographs somebody may want to look through.
 inline constexpr std::size_t kShownViews = 64;
 
-/// Returns the test views, or the training views where there are none; `most` of them, evenly spread, if there are
+/// Returns the test views, or the training views if there are none; `most` of them, evenly spread, if there are
 /// more.
 std::vector<View> shown_views(const Scene& scene, std::size_t most = kShownViews);
 

@@ -326,7 +326,7 @@ std::vector<Option> photometric_options() {
              "take the correction, controller included, from another run and keep it as it is; images are matched by "
              "name. Turns ppisp on")
             .gives("trains another model with a finished correction "
-                   "([training](training.md#exposure-and-colour-of-photographs))")
+                   "([training](training.md#exposure-that-changes))")
             .path(),
         number("controller-iterations", &O::controller_iterations, {0, kMaxIterations, "iterations"},
                "with ppisp: iterations after the training in which a controller learns to predict exposure and "

@@ -20,7 +20,7 @@
 namespace gs {
 namespace {
 
-/// Returns the value of an environment variable, empty where it is not set.
+/// Returns the value of an environment variable, empty if it is not set.
 std::string_view variable(const char* name) {
     const char* value = std::getenv(name);
     return value ? value : "";

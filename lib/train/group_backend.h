@@ -16,11 +16,11 @@
 namespace gs {
 
 /// Returns how many ranks to start on this machine: options.ranks, or without a number as many as it has GPUs, which is
-/// 1 where torchrun or Slurm started them. Throws UsageError for `device: cpu`, DeviceError where there is no GPU.
+/// 1 if torchrun or Slurm started them. Throws UsageError for `device: cpu`, DeviceError if there is no GPU.
 int num_local_ranks(const TrainOptions& options);
 
-/// Gives each rank of a machine a GPU of its own, where `device` is one. Does nothing where there is none. Throws
-/// UsageError where there are too few.
+/// Gives each rank of a machine a GPU of its own, where `device` is one. Does nothing if there is none. Throws
+/// UsageError if there are too few.
 void choose_device(const RankGroup& group, Device device);
 
 /// Connects the GPUs of all ranks, where `device` is one, so that splats go from one to another. Rank 0 says where they

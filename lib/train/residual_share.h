@@ -21,7 +21,7 @@ inline constexpr double kResidualStages[] = {15000, 18000, 21000, 25000};
 inline constexpr double kMostAutoShare = 0.35;
 
 /// Returns the share of Gaussians that options.appearance_bytes or appearance_share asks for, 1 for a model without
-/// residuals; nothing where the tolerance decides. Throws UsageError for fewer bytes than a base colour takes.
+/// residuals; nothing if the tolerance decides. Throws UsageError for fewer bytes than a base colour takes.
 std::optional<double> wanted_residual_share(const AppearanceOptions& options, const AppearanceSpec& appearance);
 
 /// A change in the set of residuals.

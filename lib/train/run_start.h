@@ -31,7 +31,7 @@ struct RunStart {
 
 /// Reads the checkpoint that `resume` names, or the model of `init` (before it may be overwritten), and locks and
 /// prepares the folder `options.model`. `test_views` is the view_digest of the scene's test views; empty: not compared.
-/// Throws DataError, also where the resumed run held out other test views, and UsageError, also for a checkpoint of
+/// Throws DataError, also if the resumed run held out other test views, and UsageError, also for a checkpoint of
 /// another appearance than the options name or with a target where they have none; the folder is then unchanged.
 RunStart open_run(const TrainOptions& options, const std::string& test_views = {});
 

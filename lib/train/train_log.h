@@ -48,7 +48,7 @@ class TrainLog {
 /// once: the training goes on.
 class TensorBoard {
   public:
-    /// Throws DataError where there can be no event file in `folder`.
+    /// Throws DataError if there can be no event file in `folder`.
     explicit TensorBoard(const std::filesystem::path& folder) : file_(folder) {}
 
     /// Continues a run after `iteration`: the events of later iterations in an earlier file no longer count.

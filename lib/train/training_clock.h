@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures how long a training takes, over all its parts where it was resumed.
+// Measures how long a training takes, over all its parts if it was resumed.
 #pragma once
 
 #include <optional>

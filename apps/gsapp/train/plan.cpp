@@ -55,7 +55,7 @@ void note_full_count(TrainingPlan& plan, const TrainOptions& options, const Scen
                                  : "--cap-max";
 }
 
-/// Returns the loss of a training of so many iterations; empty where the length is found by a search, and where the
+/// Returns the loss of a training of so many iterations; empty if the length is found by a search, and where the
 /// losses of the recipe were not measured.
 std::optional<double> loss_of_iterations(const TrainingPlan& plan, const TrainOptions& options,
                                          std::int64_t iterations) {

@@ -11,7 +11,7 @@
 
 namespace gs {
 
-/// Trains one run of these options and returns its result; empty where nothing was scored.
+/// Trains one run of these options and returns its result; empty if nothing was scored.
 using TrainRun = std::function<std::optional<RunResult>(const TrainOptions&)>;
 
 /// Trains `num_runs` runs with the seeds base.seed, base.seed + 1, ... in the folders <base.model>-0, <base.model>-1,
