@@ -82,7 +82,7 @@ TEST(PhotometricOptions, ConflictsAreNamed) {
         TrainOptions o;
         o.source = "x";
         change(o);
-        const std::string text = message_of<UsageError>([&] { resolve(o); });
+        const std::string text = message_of<UsageError>([&] { o = resolve(o); });
         return text.empty() ? "ppisp " + word(o.ppisp) : text;
     };
     EXPECT_EQ(message([](TrainOptions&) {}), "ppisp off");

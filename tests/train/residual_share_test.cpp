@@ -64,7 +64,7 @@ struct Chosen {
     std::vector<float> kept;
 };
 
-Chosen choose(double share, std::vector<float> worth, double tolerance = 0.1, double position = kLast) {
+Chosen choose(std::optional<double> share, std::vector<float> worth, double tolerance = 0.1, double position = kLast) {
     TrainOptions options;
     options.appearance_share = share, options.auto_tolerance = tolerance;
     Scene scene;
@@ -132,24 +132,24 @@ TEST(ResidualShare, IsAShareOfWhatCanBeSeen) {
 TEST(ResidualShare, AutoGoesOnUntilTheLossReachesAQuarterOfTheTolerance) {
     std::vector<float> worth(1000);
     for (int i = 0; i < 1000; ++i) worth[std::size_t(i)] = i < 200 ? 1.0f : 0.0002f;
-    const double nan = std::numeric_limits<double>::quiet_NaN();
-    const Chosen chosen = choose(nan, worth, 0.1);
+    const std::optional<double> automatic;
+    const Chosen chosen = choose(automatic, worth, 0.1);
     ASSERT_TRUE(chosen.change);
     EXPECT_EQ(chosen.change->after, std::int64_t(chosen.kept.size()));
     EXPECT_LT(chosen.change->after, 200) << "losing one of the worthy costs 0.04 dB";
     EXPECT_GE(chosen.change->after, 175) << "the next step of the search";
     EXPECT_GE(chosen.change->loss, 0.025);
-    EXPECT_EQ(choose(nan, worth, 0).change->after, 350) << "whatever it costs";
-    EXPECT_EQ(choose(nan, std::vector<float>(100, 0.0f)).change->after, 0) << "nothing is worth anything";
-    EXPECT_EQ(choose(nan, std::vector<float>(100, 50.0f)).change->after, 35) << "everything is";
-    EXPECT_EQ(choose(nan, {1}).change->after, 0);
+    EXPECT_EQ(choose(automatic, worth, 0).change->after, 350) << "whatever it costs";
+    EXPECT_EQ(choose(automatic, std::vector<float>(100, 0.0f)).change->after, 0) << "nothing is worth anything";
+    EXPECT_EQ(choose(automatic, std::vector<float>(100, 50.0f)).change->after, 35) << "everything is";
+    EXPECT_EQ(choose(automatic, {1}).change->after, 0);
 }
 
 TEST(ResidualShare, AtTheEndItIsAShareOfWhatIsLeft) {
     TrainOptions options;
     Scene scene;
     scene.train.resize(3);
-    const auto at_end = [&](double share) {
+    const auto at_end = [&](std::optional<double> share) {
         options.appearance_share = share;
         test::BackendOf<Worthy> backend(kWorth);
         const auto change =
@@ -158,7 +158,7 @@ TEST(ResidualShare, AtTheEndItIsAShareOfWhatIsLeft) {
     };
     EXPECT_EQ(at_end(0.4), std::pair(std::int64_t(4), std::vector<float>{5, 9, 6, 5}));
     EXPECT_EQ(at_end(1).first, -1) << "all";
-    EXPECT_EQ(at_end(std::nan("")).first, 4) << "auto keeps 35 % of ten, whatever it costs";
+    EXPECT_EQ(at_end({}).first, 4) << "auto keeps 35 % of ten, whatever it costs";
 }
 
 TEST(ResidualShare, AllViewsSayWhatGoesAtTheEnd) {
@@ -190,7 +190,7 @@ TEST(ResidualShare, BytesAreAnotherWayToSayIt) {
     EXPECT_EQ(wanted_residual_share(options, {"none", 0, ColorActivation::kRelu}), 1);
     options.appearance_bytes = 11;
     EXPECT_THROW(wanted_residual_share(options, kSh), UsageError);
-    options.appearance_bytes = 0, options.appearance_share = std::nan("");
+    options.appearance_bytes.reset(), options.appearance_share.reset();
     EXPECT_FALSE(wanted_residual_share(options, kSh));
 }
 

@@ -659,7 +659,8 @@ class LaggingEngine : public test::ForwardingEngine {
     void step(const StepRequest& request) override {
         const TargetImage& t = request.target;
         const std::vector<std::uint8_t> pixels(t.u8, t.u8 + std::size_t(t.width) * t.height * t.channels);
-        EXPECT_EQ(kept_.try_emplace(t.id, pixels).first->second, pixels) << "id " << t.id << " stands for two images";
+        EXPECT_EQ(kept_.try_emplace(t.id, pixels).first->second, pixels)
+            << "view " << t.id.view << " at 1/" << t.id.factor << " stands for two images";
         ForwardingEngine::step(request);
         all_.push_back(ForwardingEngine::take_stats());
     }
@@ -683,7 +684,7 @@ class LaggingEngine : public test::ForwardingEngine {
     std::vector<StepStats> all_;
     std::size_t told_ = 0;
     bool waited_ = false;
-    std::map<std::int64_t, std::vector<std::uint8_t>> kept_;
+    std::map<ImageId, std::vector<std::uint8_t>> kept_;
 };
 
 TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
@@ -765,7 +766,7 @@ TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
     for (View& v : scene.train) v.camera.translation *= 2;  // neighbours 0.41 apart
     TrainOptions o;
     o.source = "x";
-    o.opacity_lr = automatic;
+    o.opacity_lr = automatic, o.named = {"opacity-lr"};
     o = resolve(o);
     StepRates r = LearningRates(o, appearance_spec(o), scene).at(moment_at(o, 0));
     EXPECT_DOUBLE_EQ(r.groups[3], opacity_rate(automatic, camera_spacing(scene.train)));
@@ -848,7 +849,7 @@ TEST(TrainingViews, AreDecodedAheadByTheRankThatRendersThemFromItsFirstOn) {
     views.set_views_per_step(2, [](int k) { return k == 1; });  // the second of two ranks
     ViewOrder order(kNumViews, options.seed);
     const auto decodes_at = [&](std::int64_t position) { return counted.decodes[order.at(position)].load(); };
-    const auto image = views.image_of_rank(std::int64_t(order.at(1)), 1);
+    const auto image = views.image_of_rank({int(order.at(1))}, 1);
     EXPECT_EQ(image->color.u8[0], order.at(1));
     using Clock = std::chrono::steady_clock;
     for (const auto end = Clock::now() + std::chrono::seconds(20); decodes_at(5) == 0 && Clock::now() < end;)

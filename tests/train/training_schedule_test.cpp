@@ -55,8 +55,8 @@ TEST(Timeline, MultiplesArePassedOnce) {
 
 TEST(Timeline, AMarkThatWasNamedCountsIterations) {
     const ScheduleMoment m{50, 400, 392};
-    EXPECT_TRUE(ScheduleMark(-1, 400).reached(m));
-    EXPECT_FALSE(ScheduleMark(-1, 401).reached(m));
+    EXPECT_TRUE(ScheduleMark({}, 400).reached(m));
+    EXPECT_FALSE(ScheduleMark({}, 401).reached(m));
     EXPECT_TRUE(ScheduleMark(50, 99999).reached(m));
     EXPECT_FALSE(ScheduleMark(51, 0).reached(m));
     EXPECT_FALSE(ScheduleMark(50, 0).exceeded(m));

@@ -54,7 +54,7 @@ TEST(Suite, ActivationsVaryTheFunctionAndTheOpacityRate) {
     EXPECT_EQ(lines[4].row, "softplus, opacity rate 0.025");
     EXPECT_EQ(lines[4].job.options.color_activation, ColorActivation::kSoftplus);
     EXPECT_EQ(lines[4].job.options.opacity_lr, 0.025);
-    EXPECT_TRUE(std::isnan(lines[11].job.options.opacity_lr));
+    EXPECT_FALSE(lines[11].job.options.opacity_lr) << "auto";
     EXPECT_EQ(lines[11].job.options.model, "out/hardsigmoid-auto-sh");
 }
 

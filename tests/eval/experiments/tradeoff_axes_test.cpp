@@ -56,8 +56,8 @@ TEST(TradeoffAxes, TimeAndSizeAreLimits) {
     EXPECT_EQ(axes[0].name, "time-limit");
     EXPECT_EQ(axes[1].name, "size-limit");
     const Configuration c = make_configuration(axes, {"5s", "2MB"}, base_options());
-    EXPECT_EQ(c.options.time_limit, "5s");
-    EXPECT_EQ(c.options.size_limit, "2MB");
+    EXPECT_EQ(c.options.time_limit, parse_duration("5s", ""));
+    EXPECT_EQ(c.options.size_limit, parse_bytes("2MB", ""));
     EXPECT_EQ(c.options.recipe, Recipe::kFrontier);
     const auto both = parse({"time=5s", "iterations=10"});
     EXPECT_NE(error_of([&] {
