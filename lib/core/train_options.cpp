@@ -139,13 +139,12 @@ std::vector<Option> run_options() {
             .basic(),
         text("time-limit", &O::time_limit, "a duration, e.g. 20s, 5m",
              "train for this long instead of for a number of iterations; final pruning and saving included")
-            .gives(
-                "bonsai 33.47 dB in 10 s, 34.01 in 20 s; 89 runs used 99.2 to 100.9 % ([limits](lab/limits.md#time))")
+            .gives("bonsai 34.22 dB in 10 s, 34.68 in 20 s; 89 runs used 99.2 to 100.9 % ([results](results.md#time))")
             .unset("")
             .basic(),
         text("size-limit", &O::size_limit, "a number with KB, MB, GB, KiB, MiB or GiB",
              "train a model whose exported file is at most this large; if possible, at least 95 % of it")
-            .gives("bonsai 29.91 dB in 2 MB, 33.03 in 10 MB ([limits](lab/limits.md#size))")
+            .gives("bonsai 29.89 dB in 2 MB, 33.00 in 10 MB ([results](results.md#size))")
             .unset("")
             .basic(),
         choice("size-of", &O::size_of,
@@ -154,8 +153,8 @@ std::vector<Option> run_options() {
                    "([results](results.md#appearance-models-on-five-scenes))"),
         text("frame-limit", &O::frame_limit, "a duration, e.g. 2ms",
              "train a model whose frames at 1280x720 take at most this long on this device")
-            .gives("4 and 15 ms were met with at least 80 % of them used, on a simulated device "
-                   "(tests/train/limits_test.cpp)")
+            .gives("0.25 ms: lego 0.209 ms and 35.63 dB, bonsai 0.217 ms and 32.04 dB "
+                   "([settings](lab/settings.md#options-one-at-a-time))")
             .unset(""),
         number("target-psnr", &O::target_psnr, {0, 60, "dB"},
                "train until every 8th training view, held out for it, has this PSNR on average, then make the model as "
@@ -195,7 +194,7 @@ std::vector<Option> run_options() {
         flag("deterministic", &O::deterministic,
              "on the GPU: add in a fixed order, slower, so that runs with equal options give equal bytes on one GPU; "
              "the CPU always does")
-            .gives("an iteration 1.68 times as long on lego, 3.20 times on bonsai "
+            .gives("an iteration 2.13 times as long on lego, 8.90 times on bonsai "
                    "([results](results.md#frames-and-iterations))"),
         number("test-iterations", &O::test_iterations, {1, kMaxIterations, "iterations"},
                "with eval: iterations after which the test views are measured, besides the last; -1: none")
@@ -275,7 +274,7 @@ std::vector<Option> appearance_options() {
             "on, by what that is worth to the training views; auto: 35 %, and fewer as long as that costs little "
             "(auto-tolerance). With recipe paper final-rate is then 0.1 unless it is named, and opacities' rate falls "
             "from 26000 of 30000 on")
-            .gives("auto: 39 % of the bytes; lego, chair, garden at most -0.04 dB, bonsai with sh +0.26 "
+            .gives("auto: 39 % of the bytes; lego +0.06, bonsai +0.30 dB with sh "
                    "([results](results.md#choosing-the-appearance))")
             .unset("auto")
             .or_max_word("all"),
@@ -295,8 +294,8 @@ std::vector<Option> appearance_options() {
 std::vector<Option> start_options() {
     return {
         choice("color-activation", &O::color_activation, "function from raw to visible colour")
-            .gives("softplus: +0.03 to +0.13 dB on lego against relu "
-                   "([settings](lab/settings.md#densification-and-activations))"),
+            .gives("softplus: +0.04 dB on lego against relu, sigmoid, hardsigmoid -0.05 "
+                   "([results](results.md#other-settings))"),
         text("init", &O::init, ".ply file or run folder",
              "begin with the Gaussians of this point cloud, of gsapp or another 3DGS program, instead of the scene's "
              "points; also with another appearance, whose residual then begins at 0")
@@ -315,7 +314,7 @@ std::vector<Option> photometric_options() {
         choice("ppisp", &O::ppisp,
                "learn exposure and colour of every image; also vignetting and response of every camera; "
                "auto: only if the images turn out to differ after a thirtieth of the training")
-            .gives("bonsai +0.28 to +0.37 dB, an iteration 4.3 to 5.5 % longer; exposures of +-1 EV: +12.6 dB "
+            .gives("bonsai +0.39 dB, an iteration 4.3 to 5.5 % longer; exposures of +-1 EV: +12.6 dB "
                    "([results](results.md#exposure))")
             .basic(),
         flag("ppisp-exif", &O::ppisp_exif,
@@ -365,12 +364,13 @@ std::vector<Option> rate_options() {
             .with_frontier("2.24e-6"),
         number("position-lr-max-steps", &O::position_lr_max_steps, {1, kMaxIterations, "iterations"},
                "iteration at which the final rate of the means is reached; -1: 30000 of 30000")
-            .gives("of 3DGS, for its commands; other values were not measured")
+            .gives("half of the run: lego -0.84 dB, bonsai -0.30 ([settings](lab/settings.md#options-one-at-a-time))")
             .unset("-1"),
         number("scaling-lr", &O::scaling_lr, {0, 10}, "rate of the log scales")
             .gives("half, twice: bonsai in 14 s +0.04, -0.18 dB ([settings](lab/settings.md#the-frontier))"),
         number("rotation-lr", &O::rotation_lr, {0, 10}, "rate of the rotations")
-            .gives("of 3DGS, for its commands; other values were not measured"),
+            .gives("half, twice: lego -0.06, +0.04 dB, bonsai -0.05, -0.05 "
+                   "([settings](lab/settings.md#options-one-at-a-time))"),
         number("feature-lr", &O::feature_lr, {0, 10},
                "rate of the base colours, as coefficients of SH; what makes colours depend on the view has a rate in "
                "proportion, with sh a twentieth of it")
@@ -402,24 +402,25 @@ std::vector<Option> densification_options() {
         choice("strategy", &O::strategy,
                "how the number of Gaussians changes: mcmc = relocate and grow to the cap, adc = the original 3DGS "
                "rule")
-            .gives("bonsai, sh: mcmc 33.90 dB with 982,000 Gaussians, adc 33.29 with 751,621 "
+            .gives("bonsai, sh: mcmc 34.01 dB with 1,456,190 Gaussians, adc 33.29 with 847,831 "
                    "([results](results.md#other-settings))"),
         flag("speedy-splat", &O::speedy_splat,
              "with adc: after each tenth of the training, from the second on, remove the Gaussians on which the "
              "training images depend least; 80 % of them while densification lasts, then 30 %")
-            .gives("bonsai, sh: 32.57 dB with 92,230 Gaussians instead of 33.29 with 751,621 "
+            .gives("bonsai, sh: 32.13 dB with 98,541 Gaussians instead of 33.29 with 847,831 "
                    "([results](results.md#other-settings))")
             .also("--speedy"),
         number(
             "cap-max", &O::cap_max, {1, 1e9, "Gaussians"},
             "largest number of Gaussians; growth stops there, an initial model above it is kept; unless named, 100000 "
             "for built-in scenes")
-            .gives("a tenth on bonsai: 32.41 instead of 33.90 dB, 15.6 instead of 50.6 s "
-                   "([settings](lab/settings.md#densification-and-activations))")
+            .gives("a tenth on bonsai: 32.40 instead of 34.01 dB, 9.8 instead of 20.2 s "
+                   "([results](results.md#other-settings))")
             .basic(),
         number("densify-from-iter", &O::densify_from_iter, {0, kMaxIterations, "iterations"},
                "first iteration that changes the number of Gaussians; -1: 600 of 30000")
-            .gives("of 3DGS, for its commands; other values were not measured")
+            .gives("half, twice: lego -0.01, +0.03 dB, bonsai +0.05, +0.06 "
+                   "([settings](lab/settings.md#options-one-at-a-time))")
             .unset("-1"),
         number("densify-until-iter", &O::densify_until_iter, {0, kMaxIterations, "iterations"},
                "last iteration that changes the number of Gaussians; -1: 24900 of 30000 with mcmc, 14900 otherwise")
@@ -435,10 +436,12 @@ std::vector<Option> densification_options() {
                 "4e-4: bonsai in 14 s +0.10 dB against 2e-4, 1e-4: -0.23 ([settings](lab/settings.md#the-frontier))"),
         number("percent-dense", &O::percent_dense, {0, 1},
                "with adc: share of the scene extent above which a growing Gaussian is split instead of cloned")
-            .gives("of 3DGS, for its commands; other values were not measured"),
+            .gives("half, twice: lego +0.38, -0.90 dB, bonsai +0.34, +0.60 "
+                   "([settings](lab/settings.md#options-one-at-a-time))"),
         number("opacity-reset-interval", &O::opacity_reset_interval, {1, kMaxIterations, "iterations"},
                "with adc: iterations between two opacity resets; -1: 3000 of 30000")
-            .gives("of 3DGS, for its commands; other values were not measured")
+            .gives("half, twice: lego -0.41, +0.07 dB, bonsai 0.00, +0.75 "
+                   "([settings](lab/settings.md#options-one-at-a-time))")
             .unset("-1"),
         number("noise-lr", &O::noise_lr, {0, 1e9}, "with mcmc: strength of the noise on the means, times their rate")
             .gives("0.3 times: lego -0.18, bonsai in 14 s +0.22 dB; 3 times: bonsai -0.34 "
