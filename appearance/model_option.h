@@ -20,7 +20,7 @@ struct ModelOption {
     std::string unset_word = {};  ///< a word that may stand in place of a number; the value is then empty
     std::string unit = {};        ///< empty for pure numbers
     std::string help = {};        ///< what it does, one sentence
-    std::string measured = {};    ///< what it gives, measured
+    std::string measured = {};    ///< its measured effect
 };
 
 /// Values of model options by key.

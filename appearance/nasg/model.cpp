@@ -174,7 +174,7 @@ template StabilityPlan lobe_stability<Nasg>();
 template StabilityPlan lobe_stability<Nasgabor>();
 
 constexpr const char* kLobeRate = "lobe-lr";
-/// The largest cosine of an angle that a lobe starts with.
+/// Limit on |cos| of a lobe's initial angles.
 constexpr double kLargestCosine = 0.98;
 
 /// Shared by the models of the folder.

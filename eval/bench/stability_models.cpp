@@ -31,7 +31,7 @@ constexpr float kTypicalGradient = 1e-3f;
 /// The allowed relative error of an exact limit. NASG's floor under the exponent of K alone costs 2e-4.
 constexpr double kLimitTolerance = 3e-4;
 constexpr const char* kSharedKind = "shared weights";
-/// The fewest cases per value, and cases per column and value.
+/// The minimum number of cases per value, and the number per column.
 constexpr int kTrials = 24, kTrialsPerColumn = 2;
 
 /// The indices of a model's inputs among the numbers of a case.

@@ -198,7 +198,7 @@ class CudaEngine final : public Engine {
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
     /// Changes the set of rows by fn(), after all rows have taken all steps.
     template <class Fn> auto change_rows(Fn fn);
-    /// Waits for all steps, and takes those that residuals have missed.
+    /// Waits for all steps, then applies the deferred residual steps.
     void settle();
 
     const ModelKernels kernels_;

@@ -64,7 +64,7 @@ using Gaussians = GaussianState<float>;
 
 /// The rows of a model, or of a part of it.
 struct RowCounts {
-    std::int64_t count = 0, num_residuals = 0;  ///< all, and the first of them, which have a residual
+    std::int64_t count = 0, num_residuals = 0;  ///< all Gaussians, and those with a residual, stored first
 };
 
 /// The pointers to the rows of all groups.

@@ -197,7 +197,7 @@ struct RankGroup::Implementation {
         const std::lock_guard lock(mutex);
         return failure;
     }
-    /// Waits a little for the reason of an error.
+    /// Waits briefly for the cause of an error.
     std::string awaited_reason() {
         const double start = seconds_now();
         while (true) {

@@ -74,8 +74,8 @@ class RankGroup {
     /// must call it. Returns why they cannot. Does nothing when it is called again.
     std::string connect_devices(const std::string& device);
 
-    /// Makes sure that all ranks were started alike. Rank 0 shows `text`, a choice in each line. The others throw
-    /// UsageError naming the first line in which theirs differs.
+    /// Checks that all ranks were started alike. Rank 0 publishes `text`, one setting per line; the others throw
+    /// UsageError naming the first line that differs.
     void agree(const std::string& text);
     /// On another rank than 0: calls part(), and tells rank 0 what goes wrong there, which prints it. Throws
     /// DeviceError without a message then; what part() threw if rank 0 cannot be told.

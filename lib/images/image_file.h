@@ -29,7 +29,7 @@ std::vector<std::uint8_t> encode_upright(const std::filesystem::path& from, cons
 
 namespace gs {
 
-/// Returns a message of OpenImageIO without the line break at its end, "unknown reason" for an empty one.
+/// Returns an OpenImageIO message without its trailing newline, or "unknown reason" if it is empty.
 std::string reason_from(std::string text);
 
 /// An image file opened by OpenImageIO: by its first bytes and not by its name, and only if it can hold what it

@@ -48,8 +48,7 @@ class ModelLimits {
     double seconds_to_prune(Backend& backend) const;
     /// Removes those Gaussians that the training views depend on least, until the limits hold. Logs what it did.
     void prune(Backend& backend) const;
-    /// Removes those that the training views depend on least until `most` are left. Logs it under the name of what
-    /// `asks` for it.
+    /// Removes the Gaussians with the lowest scores until `most` are left. `asks` names the limit in the log.
     void prune_to(Backend& backend, std::int64_t most, const char* asks) const;
 
   private:

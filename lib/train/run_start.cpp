@@ -79,7 +79,7 @@ RunStart open_run(const TrainOptions& options, const std::string& test_views) {
     const auto iteration = start.checkpoint ? std::optional(start.checkpoint->iteration) : std::nullopt;
     start.lock = std::make_shared<const RunLock>(start.folder.root);
     prepare_run_folder(start.folder, options.overwrite, iteration);
-    // The end may come at an earlier iteration than in a part that was trained before.
+    // A resumed run under a time limit may end before iterations that are already saved.
     const bool may_end_earlier = start.checkpoint && !options.ends_by_iterations();
     if (options.overwrite || may_end_earlier) replace_earlier_run(start.folder, run_config(options), iteration);
     return start;

@@ -19,7 +19,7 @@
 namespace gs {
 namespace {
 
-/// The Gaussians of a file whose time tells what larger ones take.
+/// The Gaussians in the file that is timed to predict larger ones.
 constexpr std::int64_t kTimedRows = 300000;
 
 /// Repeats the rows of a model without moments until there are `count`.

@@ -145,7 +145,7 @@ void note_loss(TrainingPlan& plan, const TrainOptions& options, const TrainSumma
 
 }  // namespace
 
-// The curves, and how far they are off: docs/lab/limits.md#what-the-plan-estimates.
+// Fitted curves; their errors are in docs/lab/limits.md#what-the-plan-estimates.
 
 double loss_of_length(double rounds) { return 0.8 * std::pow(70 / rounds, 1.3); }
 

@@ -33,7 +33,7 @@ struct SizePlan {
     std::int64_t fixed = 0, per_gaussian = 0;  ///< bytes of the file
     std::int64_t per_residual = 0;             ///< bytes that a Gaussian with a residual takes besides
     double share = 1;                          ///< share of the Gaussians that have one
-    std::int64_t unit = 1;                     ///< the file has room for multiples of this number
+    std::int64_t unit = 1;                     ///< Gaussians are padded to a multiple of this
     std::int64_t most_gaussians = 0;           ///< the most that fit
 
     /// Returns the size of a file of `count` Gaussians, at most 4 KiB too much.
