@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a device does for the model that it holds. Backend (kernels/ranks/backend.h) drives it, alone or with those of
-// other ranks; nothing else does.
+// Interface of an engine: all operations of a device on the model that it holds. Only Backend (kernels/ranks/backend.h)
+// calls it, either alone or together with the engines of other ranks.
 //
-// Of a training over several ranks each holds a part of the Gaussians (docs/math/ranks.md). An engine projects its own
-// for the ranks that render a view, renders views of splats from all ranks, and takes the step of its own Gaussians by
-// the sums that come back. Where it holds the whole model, render(), step() and distill() do all of that at once.
+// In a training over several ranks each rank holds a part of the Gaussians (docs/math/ranks.md). An engine projects its
+// own Gaussians for the ranks that render a view, renders views of splats from all ranks, and updates its own Gaussians
+// from the sums that the renderers return. If it holds the whole model, render(), step() and distill() do all of that
+// at once.
 #pragma once
 
 #include <memory>
@@ -19,17 +20,17 @@
 
 namespace gs {
 
-/// What is always the same of an engine.
+/// Properties of an engine that never change.
 struct EngineTraits {
     std::string device;              ///< "CUDA, NVIDIA H200"
-    DeviceStream* stream = nullptr;  ///< of the device on which it computes; null: the host
-    /// The number of passes over the same steps by which stages are timed. On a device a mark costs a few microseconds,
-    /// by which all that follows comes later; so each pass marks the end of one stage.
+    DeviceStream* stream = nullptr;  ///< stream of the device on which it computes; null: the host
+    /// Number of passes over the same steps that stage timing needs. A mark on a device costs a few microseconds, which
+    /// delays everything after it; so each pass marks the end of one stage only.
     int stage_passes = 1;
     Ceilings (*ceilings)() = nullptr;  ///< measures the peak bandwidth and arithmetic rate of the machine
 };
 
-/// The rows of a model and PPISP, on a device.
+/// The rows of a model and its PPISP state, on a device.
 class DeviceModel {
   public:
     virtual MemoryUse memory() = 0;
@@ -46,94 +47,97 @@ class DeviceModel {
 
     virtual DensifyStats densify(const DensifyRequest& request) = 0;
     virtual PruneStats prune(const PruneRequest& request) = 0;
-    /// Does what Backend::keep_residuals says.
+    /// Implements Backend::keep_residuals for the engine's own rows.
     virtual void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) = 0;
 
   protected:
     ~DeviceModel() = default;
 };
 
-/// Views of the engine's own Gaussians, or of splats from all ranks.
+/// Renders views of the engine's own Gaussians, or of splats from all ranks.
 class ViewRenderer {
   public:
-    /// Renders a view into `out` and waits for it: of the engine's own Gaussians if `splats` is null.
+    /// Renders a view into `out` and waits for it. If `splats` is null, renders the engine's own Gaussians.
     virtual void render(const RenderRequest& request, const SplatParts* splats, RenderedImage& out) = 0;
-    /// Begins to compute the splats of the engine's Gaussians that touch a tile of the view: for a step, or for a
-    /// frame, which may read residuals in half precision. A device is at work on it until end_projection().
+    /// Begins to compute the splats of the engine's Gaussians that touch a tile of the view. The view is for a step, or
+    /// for a frame, which may read residuals in half precision. A device may be busy with it until end_projection().
     virtual void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) = 0;
-    /// Writes the splats of the projection that was begun, the only one, and begins the report on the view unless that
-    /// is null. With `room` it does not wait for the device: it writes that many splats; those beyond it are left out,
-    /// and what they leave free reaches no pixel.
+    /// Writes the splats of the only projection begun, and begins the report on the view unless `report` is null. With
+    /// `room` it does not wait for the device: it writes exactly that many splats, drops any further ones, and fills
+    /// unused places with splats that reach no pixel.
     virtual void end_projection(ProjectedView& out, std::optional<std::size_t> room, ViewReport* report) = 0;
-    /// Makes room for the next view that is rendered for a step, of `splats` splats, and returns places for `placed`
-    /// splats, also of other views, and for as many sums. Unless the view is the `first` one, sums of the last are on
-    /// their way; unless it is the `last` one, there are projections before update_rows().
+    /// Makes room for the `splats` splats of the next view rendered for a step. Returns places for `placed` splats,
+    /// which may belong to other views, and for as many sums. Unless the view is the `first` one, sums of the previous
+    /// view are still in transfer. Unless it is the `last` one, more projections follow before update_rows().
     virtual ScratchPlaces room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed,
                                           bool first, bool last) = 0;
-    /// Does what order_on_host() says, where the arrays lie.
+    /// Implements order_on_host() in the memory that holds the arrays.
     virtual void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RowCounts>& of_ranks,
                                DeviceArray<WireSplat>& out) = 0;
 
     /// Returns half the squared error of a view, weighted by its mask.
     virtual double half_squared_error(const StepRequest& request, const SplatParts& splats) = 0;
-    /// Computes what a view adds to the score of each splat (Backend::scores). Unlike those of a step, these sums lie
-    /// in the host's memory, in double: Shard adds up views.
+    /// Computes the contribution of a view to the score of each splat (Backend::scores). Unlike the sums of a step,
+    /// these are double values in host memory, because Shard adds up views.
     virtual void scores_of_splats(const RenderRequest& request, const SplatParts& splats,
                                   const SumParts<double>& scores) = 0;
-    /// Computes what a view says of the residual of each splat (Backend::residual_scores), in the host's memory.
+    /// Computes the contribution of a view to the residual sums of each splat (Backend::residual_scores), in host
+    /// memory.
     virtual void residual_sums_of_splats(const StepRequest& request, const SplatParts& splats,
                                          const SumParts<ResidualSplatSums>& sums) = 0;
-    /// Does for the engine's own Gaussians what Backend::time_frames says, if it can leave the images on the device;
-    /// empty otherwise.
+    /// Implements Backend::time_frames for the engine's own Gaussians if the images can stay on the device; otherwise
+    /// returns nothing.
     virtual std::optional<double> time_frames(const std::vector<RenderRequest>&, int) { return {}; }
-    /// Does for the engine's own Gaussians what Backend::scores says, if that is faster than by splats; empty
-    /// otherwise.
+    /// Implements Backend::scores for the engine's own Gaussians if that is faster than by splats; otherwise returns
+    /// nothing.
     virtual std::optional<std::vector<float>> scores(const std::vector<RenderRequest>&) { return {}; }
-    /// The same of Backend::residual_scores.
+    /// Implements Backend::residual_scores likewise.
     virtual std::optional<ResidualScores> residual_scores(std::size_t, const StepSource&) { return {}; }
 
   protected:
     ~ViewRenderer() = default;
 };
 
-/// Optimizer steps.
+/// Takes optimizer steps.
 class StepEngine {
   public:
     /// Takes a step of the engine's own Gaussians, as Backend::step does.
     virtual void step(const StepRequest& request) = 0;
     /// Trains a controller as Backend::distill does, on a view of the engine's own Gaussians if `splats` is null.
     virtual void distill(const StepRequest& request, const SplatParts* splats) = 0;
-    /// Returns the statistics of the steps known to be done since the last call, and what was left out in them.
+    /// Returns the statistics of the steps completed since the last call, including the count of gradients left out.
     virtual StepStats take_stats() = 0;
 
-    /// Begins to compute the loss of a view and the gradient sums of each splat, which mean nothing if the loss is not
-    /// finite. Adds the gradient of the view's PPISP to `isp_gradient` (PpispState::size()) where it learns. `sums` may
-    /// lie in the memory of `splats`: they are resized after the last use of these. Adds the loss to `report`.
+    /// Begins to compute the loss of a view and the gradient sums of each splat. The sums are meaningless if the loss
+    /// is not finite. Adds the gradient of the view's PPISP parameters to `isp_gradient` (PpispState::size()) if they
+    /// are trained. `sums` may share the memory of `splats`: they are resized after the last use of the splats. Adds
+    /// the loss to `report`.
     virtual void loss_of_splats(const StepRequest& request, const SplatParts& splats,
                                 const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient,
                                 ViewReport* report) = 0;
-    /// Decides on the step whose views `reports` are on, (ranks, views) by all ranks (decide_step), and takes the step
-    /// of the engine's Gaussians if that says so, on the mean gradient of `views`, of which `projected` and `sums` hold
-    /// the splats that were projected and what was computed of them. Counts it in any case. A device decides when it
-    /// comes there, may still be at work when the function returns, and takes part in no step from one on that has to
-    /// be repeated until take_back(). `num_gaussians` counts those of all ranks. Writes the gradient of the shared
-    /// weights by the engine's Gaussians, shared_row() values, which mean nothing in a step that is not taken.
+    /// Decides whether to take the step (decide_step) from `reports` (ranks, views), the reports of all ranks on its
+    /// views. If so, updates the engine's Gaussians by the mean gradient over `views`: `projected` and `sums` hold the
+    /// projected splats and their gradient sums. Counts the step in either case. A device decides when it reaches this
+    /// point and may still be busy when the function returns. From a step that has to be repeated onwards it skips all
+    /// steps until take_back(). `num_gaussians` is the number of Gaussians of all ranks. Writes the engine's part of
+    /// the gradient of the shared weights, shared_row() values, which are meaningless if the step is not taken.
     virtual void update_rows(const DeviceArray<ViewReport>& reports, const std::vector<StepRequest>& views,
                              const std::vector<ProjectedView>& projected,
                              const std::vector<DeviceArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                              DeviceArray<float>& shared_gradient) = 0;
-    /// Takes the step of the shared weights after update_rows(), on the same condition. `shared_gradients` (ranks,
-    /// shared_row()) are those of all ranks, which are added up in their order.
+    /// Updates the shared weights after update_rows(), on the same condition. `shared_gradients` (ranks, shared_row())
+    /// holds the gradients of all ranks, which are added up in rank order.
     virtual void update_shared_weights(const std::vector<StepRequest>& views,
                                        const DeviceArray<float>& shared_gradients) = 0;
-    /// Waits for the oldest decision that was not read yet, and returns the reports on which it was made. `ids` are the
-    /// targets' of its views, of which rank k modulo the number of ranks has rendered the k-th. Where that is `rank`,
-    /// this engine, it has room for the view's instances then.
+    /// Waits for the oldest unread decision, and returns the reports on which it was based. `ids` are the targets of
+    /// its views; view k was rendered by rank k modulo the number of ranks. For views that `rank`, this engine's rank,
+    /// rendered, makes room for their instances.
     virtual std::vector<ViewReport> read_reports(const std::vector<ImageId>& ids, int rank) = 0;
-    /// Takes back the counts of the steps from the oldest on that has to be repeated, on `num_views` views together.
+    /// Subtracts the steps that have to be repeated from the counts, from the oldest such step on. They have
+    /// `num_views` views in total.
     virtual void take_back(std::int64_t num_views) = 0;
 
-    /// Begins a pass of timing, of which pass 0 forgets what was measured before. Without a pass ends the timing, and
+    /// Begins a pass of stage timing; pass 0 discards earlier measurements. Without a pass number ends the timing, and
     /// returns the costs per stage of the steps of one pass.
     virtual std::vector<StageCost> measure_stages(std::optional<int> pass) = 0;
 

@@ -19,10 +19,10 @@
 
 namespace gs {
 
-/// Names the image of a training view in one of its sizes.
+/// Identifies the image of a training view at one of its sizes.
 struct ImageId {
     std::int32_t view = -1;   ///< index among the training views; -1: unknown, for an image that is used once
-    std::int32_t factor = 1;  ///< by which the image is reduced
+    std::int32_t factor = 1;  ///< factor by which the image is reduced
 
     bool is_known() const { return view >= 0; }
     auto operator<=>(const ImageId&) const = default;
@@ -32,22 +32,22 @@ struct ImageIdHash {
     std::size_t operator()(const ImageId& id) const { return (std::size_t(id.factor) << 32) + std::size_t(id.view); }
 };
 
-/// The photograph that a step compares its render with. The pointers must stay valid until the call returns.
+/// The photograph with which a step compares its render. The pointers must stay valid until the call returns.
 struct TargetImage {
     int width = 0, height = 0;
     int channels = 3;                    ///< 3 (rgb) or 4 (rgb + straight alpha, composited on the background)
     const std::uint8_t* u8 = nullptr;    ///< (H,W,channels), value/255; exactly one of u8 and f32 is set
     const float* f32 = nullptr;          ///< (H,W,channels), alpha in [0,1]
     const std::uint8_t* mask = nullptr;  ///< (H,W), value/255 is the weight of the loss; null: 1
-    ImageId id;                          ///< equal known ids mean equal pixels: a device may keep its copy
+    ImageId id;                          ///< equal known ids must mean equal pixels: a device may keep its copy
 };
 
-/// The colour that is composited (docs/math/appearance.md#render-modes).
+/// The colour to be composited (docs/math/appearance.md#render-modes).
 enum class RenderMode { kFull, kBaseOnly, kResidualOnly };
 
 /// The source of a view's photometric correction.
 enum class IspMode {
-    kNone,        ///< no correction: the image stays as the Gaussians make it
+    kNone,        ///< no correction: the image stays as rendered
     kFrame,       ///< exposure and colour of a training image
     kController,  ///< exposure and colour predicted from the image itself; neutral if the model has no controller
 };
@@ -56,18 +56,18 @@ enum class IspMode {
 struct IspView {
     IspMode mode = IspMode::kNone;
     int frame = -1;            ///< kFrame: index of the training image; -1 = neutral
-    int camera = 0;            ///< index of the camera, which gives vignetting and response
-    float prior_exposure = 0;  ///< kController: exposure in stops that is known beforehand, e.g. from EXIF
+    int camera = 0;            ///< index of the camera, which determines vignetting and response
+    float prior_exposure = 0;  ///< kController: known exposure in stops, e.g. from EXIF
 };
 
-/// One view to render. Ranks send it as bytes.
+/// One view to render. Sent between ranks as raw bytes.
 struct RenderRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
     RenderMode mode = RenderMode::kFull;
     IspView isp = {};
-    /// Whether a pixel has the colour of the one Gaussian at which its transmittance falls to 1/2 or below, and 0 where
-    /// it stays above, instead of the sum of all colours (docs/math/rasterizer.md#median).
+    /// Whether to render median colours: the colour of the one Gaussian at which the transmittance of a pixel falls to
+    /// 1/2 or below, or 0 if it stays above, instead of the sum of all colours (docs/math/rasterizer.md#median).
     bool median = false;
 };
 
@@ -81,13 +81,13 @@ struct RenderedImage {
 /// The learning rates of a step.
 struct StepRates {
     double groups[kNumGroups] = {};
-    std::vector<double> residuals;  ///< per residual column, if the model has several; else empty
-    double shared = 0;              ///< of the shared weights
-    /// Of PPISP's parameters in `step`, of the controller's weights in `distill`. 0 leaves them unchanged.
+    std::vector<double> residuals;  ///< rate per residual column, if the model has several; else empty
+    double shared = 0;              ///< rate of the shared weights
+    /// Rate of PPISP's parameters in `step`, or of the controller's weights in `distill`. 0 leaves them unchanged.
     double isp = 0;
     float noise = 0;  ///< SGLD factor 5e5*lr_means; 0 = no noise
-    /// A mean farther than `extent` from `center`, both in frame units, has a rate that is higher by the power `far` of
-    /// its distance over the extent.
+    /// A mean at a distance d > `extent` from `center`, both in frame units, has its rate multiplied by (d /
+    /// extent)^far.
     Vec3<float> center{0, 0, 0};
     float extent = 1, far = 0;
 
@@ -99,13 +99,13 @@ struct StepRates {
     }
 };
 
-/// One optimizer step on one view. Other ranks get the fields that visit_step (kernels/ranks/message.cpp) lists: a new
-/// one belongs there, too.
+/// One optimizer step on one view. Other ranks get only the fields listed in visit_step (kernels/ranks/message.cpp):
+/// add new fields there, too.
 struct StepRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
     TargetImage target;
-    std::shared_ptr<const void> pixels;  ///< keeps the memory of the target; null: that is lent until the call returns
+    std::shared_ptr<const void> pixels;  ///< owner of the target's memory; null: the caller keeps it until return
     IspView isp = {};                    ///< kFrame or kNone for `step`, kController for `distill`
     std::int64_t iteration = 0;          ///< 0-based
     std::uint64_t seed = 0;
@@ -116,7 +116,7 @@ struct StepRequest {
     bool only_visible = false;  ///< whether to defer updates of Gaussians that touch no tile (GaussianState::last_step)
 };
 
-/// Returns the step on training view `view`. What it points to stays valid until the next call.
+/// Returns the step on training view `view`. The memory it points to stays valid until the next call.
 using StepSource = std::function<StepRequest(std::size_t view)>;
 
 /// The statistics of the steps since the last call of `take_stats`.
@@ -124,21 +124,21 @@ struct StepStats {
     std::int64_t steps = 0;
     double loss = 0, l1 = 0, ssim = 0;  ///< values of the last step
     std::int64_t num_instances = 0;     ///< Gaussian-tile pairs of the last step
-    /// Gradients that were left out because they were not finite, summed over the steps: of Gaussians, shared weights
-    /// and PPISP, and those of them that are the same on all ranks, of the latter two.
+    /// Number of gradients left out because they were not finite, summed over the steps: all of them (Gaussians, shared
+    /// weights and PPISP), and only the ones common to all ranks (shared weights and PPISP).
     std::int64_t num_nonfinite_gradients = 0, num_nonfinite_common = 0;
     std::int64_t consecutive_skips = 0;  ///< steps in a row skipped because the loss was not finite
 };
 
-/// What is copied of a model.
+/// The part of a model to copy.
 enum class Download {
-    kAll,         ///< with Adam moments and statistics
-    kParameters,  ///< of Gaussians, shared weights and PPISP
-    kBases,       ///< the raw base colours alone
-    kPpisp,       ///< PPISP alone, with its moments
+    kAll,         ///< everything, with Adam moments and statistics
+    kParameters,  ///< parameters of Gaussians, shared weights and PPISP
+    kBases,       ///< raw base colours only
+    kPpisp,       ///< PPISP only, with its moments
 };
 
-/// The memory that a backend holds on its device.
+/// Memory held by a backend on its device.
 struct MemoryUse {
     struct Row {
         std::string what;
@@ -150,38 +150,38 @@ struct MemoryUse {
     std::int64_t bytes = 0, peak = 0;
 };
 
-/// The options of an engine. Those with "CUDA" do nothing on the CPU.
+/// Options of an engine. Options marked "CUDA" have no effect on the CPU.
 struct EngineOptions {
-    /// Whether all sums have a fixed order, which is bitwise repeatable on one device, but slower.
+    /// Whether all sums have a fixed order, which makes results bitwise repeatable on one device, but is slower.
     bool deterministic = false;
-    bool separate_appearance = false;                   ///< CUDA: appearance in kernels of its own, for comparison
+    bool separate_appearance = false;                   ///< CUDA: separate kernels for appearance, for comparison
     std::int64_t image_budget = std::int64_t(4) << 30;  ///< bytes of training images that a device may keep
-    double min_alpha = kMinAlpha;                       ///< fainter fragments are skipped; at least kMinAlpha
-    double min_transmittance = kMinTransmittance;       ///< a pixel below this is finished
+    double min_alpha = kMinAlpha;                       ///< fragments with a lower alpha are skipped; >= kMinAlpha
+    double min_transmittance = kMinTransmittance;       ///< a pixel is finished once its transmittance is lower
     /// CUDA: whether frames read residual parameters rounded to half precision.
     bool half_residuals = false;
     /// CUDA: whether both Adam moments of a residual parameter share 32 bits (bfloat16).
     bool packed_moments = false;
 };
 
-/// The rule of the MCMC strategy.
+/// Parameters of the MCMC strategy.
 struct McmcParams {
     std::int64_t cap = 1000000;
     float min_opacity = 0.005f;
     double growth = 1.05;
-    bool by_gradient = false;  ///< growth prefers Gaussians whose colour has large gradients
-    std::int64_t room = 0;     ///< number of Gaussians that a device makes room for, if it is more than the cap
+    bool by_gradient = false;  ///< whether growth prefers Gaussians whose colour has large gradients
+    std::int64_t room = 0;     ///< number of Gaussians to allocate on a device, if above the cap
 };
 
-/// The rule of the ADC strategy.
+/// Parameters of the ADC strategy.
 struct AdcParams {
     float grad_threshold = 0.0002f;
     float extent = 1;              ///< scene extent E, frame units
-    float dense_fraction = 0.01f;  ///< clone below, split above dense_fraction*E
+    float dense_fraction = 0.01f;  ///< smaller Gaussians are cloned, larger ones split: threshold dense_fraction*E
     float min_opacity = 0.005f;
-    bool prune_large = false;     ///< remove Gaussians larger than 0.1*E
+    bool prune_large = false;     ///< whether to remove Gaussians larger than 0.1*E
     std::int64_t cap = 0;         ///< 0 = unlimited; growth stops at the cap
-    bool may_remove_all = false;  ///< whether it is no error if no Gaussian is left: other ranks may have some
+    bool may_remove_all = false;  ///< whether removing every Gaussian is allowed: other ranks may have some
 };
 
 /// Lowers opacities for ADC: raw opacity <- min(raw, logit 0.01). The moments of the opacity group become 0.
@@ -190,7 +190,7 @@ struct OpacityReset {};
 /// Sorts all rows by the Morton code of the mean (docs/math/densification.md#morton-order).
 struct MortonOrder {};
 
-/// One change of the set of Gaussians by the rule of a strategy, or of their order.
+/// One change to the set of Gaussians by the rule of a strategy, or to their order.
 struct DensifyRequest {
     std::variant<McmcParams, AdcParams, OpacityReset, MortonOrder> rule;
     std::int64_t iteration = 0;
@@ -208,20 +208,20 @@ struct NonFiniteRows {};
 /// Selects Gaussians that can never be seen: opacity below 1/255 or |q|^2 < 1e-8.
 struct InvisibleRows {};
 
-/// What the residuals of a model are worth to some training views (Backend::residual_scores).
+/// Value of the residuals of a model for some training views (Backend::residual_scores).
 struct ResidualScores {
-    /// By how much half the squared error, summed over pixels and channels, grows if a Gaussian loses its residual. One
-    /// value per row, 0 for a Gaussian without one.
+    /// Increase of half the squared error, summed over pixels and channels, if a Gaussian loses its residual. One value
+    /// per row, 0 for a Gaussian without a residual.
     std::vector<float> worth;
-    std::vector<float> mean_base;  ///< (n,3) base colours that show the mean colour over the views
+    std::vector<float> mean_base;  ///< (n,3) base colours that reproduce the mean colour over the views
 };
 
-/// Selects all rows but these, ascending.
+/// Selects all rows except these, which are in ascending order.
 struct AllBut {
     std::vector<std::uint32_t> rows;
 };
 
-/// The choice of Gaussians to remove.
+/// The Gaussians to remove.
 using PruneRequest = std::variant<NonFiniteRows, InvisibleRows, AllBut>;
 
 struct PruneStats {
@@ -238,8 +238,8 @@ struct StageCost {
     std::string item;       ///< name of an item, e.g. "pixel x Gaussian"
     double bytes = 0;       ///< least memory traffic of all items
     double operations = 0;  ///< least arithmetic of all items, in single-precision instructions (an FMA is one)
-    std::string note;       ///< reason why the stage takes longer than these bounds, if it is known; may be empty
-    bool evaluates_appearance = false;  ///< whether part of the work is the appearance model's
+    std::string note;       ///< reason for exceeding these bounds, if known; may be empty
+    bool evaluates_appearance = false;  ///< whether the stage evaluates the appearance model
 };
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What rank 0 calls, and how the other ranks follow.
+// The calls of rank 0, and the loop in which the other ranks follow them.
 #include "kernels/ranks/backend.h"
 
 #include <algorithm>
@@ -18,10 +18,10 @@
 namespace gs {
 namespace {
 
-// Functions that rank 0 calls together with the other ranks. Whoever adds one writes the function and adds it to
-// `Calls`; its arguments are sent as their types say.
+// Functions that all ranks call together. To add one, write the function and add it to `Calls`; its arguments are sent
+// by their types.
 
-/// Writes one argument. A pointer is to what rank 0 alone has: it is not sent, and null on the other ranks.
+/// Writes one argument. A pointer refers to data that only rank 0 has: it is not sent, and is null on the other ranks.
 template <class T> void put_argument(MessageWriter& to, const T& value) {
     if constexpr (std::is_pointer_v<T>)
         return;
@@ -42,13 +42,13 @@ template <class T> T get_argument(MessageReader& from) {
     return value;
 }
 
-/// Member functions of `Object`, numbered in their order.
+/// Table of the member functions of `Object`, numbered in their order.
 template <class Object, auto... kFunctions> class CallTable {
   public:
     template <auto kFunction> static constexpr std::uint32_t number() {
         std::uint32_t k = 0;
         const bool found = ((std::is_same_v<Tag<kFunctions>, Tag<kFunction>> || (++k, false)) || ...);
-        return found ? k : throw "the function is not in the table";  // which a constant cannot do
+        return found ? k : throw "the function is not in the table";  // fails to compile in a constant expression
     }
     /// Reads the arguments of the function with that number, and calls it.
     static void call(std::uint32_t number, Object& object, MessageReader& message) {
@@ -65,13 +65,13 @@ template <class Object, auto... kFunctions> class CallTable {
     }
     template <class Result, class... Arguments>
     static void call_with(Result (Object::*function)(Arguments...), Object& object, MessageReader& message) {
-        // Braces let the arguments be read in their order.
+        // Braces make the arguments be read in order.
         std::tuple<std::decay_t<Arguments>...> arguments{get_argument<std::decay_t<Arguments>>(message)...};
         std::apply([&](auto&... values) { (object.*function)(values...); }, arguments);
     }
 };
 
-/// Everything that ranks do together.
+/// All functions that the ranks run together.
 using Calls = CallTable<Shard, &Shard::upload, &Shard::upload_ppisp, &Shard::download, &Shard::set_active_degree,
                         &Shard::render, &Shard::step, &Shard::finish_steps, &Shard::take_nonfinite, &Shard::distill,
                         &Shard::half_squared_error, &Shard::scores, &Shard::residual_scores, &Shard::densify,
@@ -79,7 +79,7 @@ using Calls = CallTable<Shard, &Shard::upload, &Shard::upload_ppisp, &Shard::dow
                         &Shard::take_reports, &Shard::measure_connection>;
 constexpr std::uint32_t kStep = Calls::number<&Shard::step>(), kEnd = 0xffffffff;
 
-/// By how much a rank may have more Gaussians than the mean before all are dealt anew. Fair samples of one model stay
+/// Largest ratio of a rank's number of Gaussians to the mean before all are dealt anew. Fair samples of one model stay
 /// far below it; few Gaussians on many ranks do not.
 constexpr double kMostUneven = 1.25;
 
@@ -126,12 +126,12 @@ void follow(Communicator& ranks, Engine& engine, const TargetSource& targets) {
 Backend::~Backend() {
     try {
         if (lost_) {
-            ranks_.abort();  // nobody knows what the others wait for
+            ranks_.abort();  // the other ranks may wait for anything
         } else {
             if (ranks_.size() > 1) send_to_others(ranks_, MessageWriter().put(kEnd));
             shard_.finish_steps();
         }
-    } catch (const Error&) {  // a rank that is lost ends by itself
+    } catch (const Error&) {  // a lost rank ends by itself
     }
 }
 
@@ -182,7 +182,7 @@ void Backend::render(const RenderRequest& request, RenderedImage& out) {
         return engine_->render(request, nullptr, out);
     }
     std::vector<RenderedImage> images(1);
-    std::swap(images[0], out);  // whose memory is used again
+    std::swap(images[0], out);  // reuses its memory
     render_all({request}, images);
     out = std::move(images[0]);
 }
@@ -193,7 +193,7 @@ void Backend::render_all(const std::vector<RenderRequest>& views, std::vector<Re
         for (std::size_t k = 0; k < views.size(); ++k) render(views[k], out[k]);
         return;
     }
-    if (controllers_differ_ && views.size() > 1) {  // other ranks render some of them
+    if (controllers_differ_ && views.size() > 1) {  // other ranks render some of the views
         upload_ppisp(download_ppisp());
         controllers_differ_ = false;
     }
@@ -257,8 +257,7 @@ StepStats Backend::take_stats() {
     if (alone_) return engine_->take_stats();
     StepStats& stats = shard_.stats();
     StepStats out = stats;
-    if (all_steps_done_)
-        out.num_nonfinite_gradients += on_all<&Shard::take_nonfinite>();  // which waits for all devices
+    if (all_steps_done_) out.num_nonfinite_gradients += on_all<&Shard::take_nonfinite>();  // waits for all devices
     stats.steps = 0;
     stats.num_nonfinite_gradients = 0;
     return out;
@@ -293,7 +292,7 @@ void Backend::keep_residuals(const std::vector<std::uint8_t>& marks, const std::
         engine_->keep_residuals(marks, bases);
         return shard_.count_rows();
     }
-    // Rows with a residual come first, each kind in its order: no rank can see that for all.
+    // Rows with a residual come first, and each kind keeps its order. No single rank can do that for all rows.
     Gaussians all = download(true);
     ResidualHandles residuals(all, true);
     residuals.keep(marks, bases);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counts what is exchanged, takes arrays of a device through the host where no link goes from device to device, and
-// times exchanges of large and of small messages.
+// Counts the traffic of exchanges, passes device arrays through the host if no link connects the devices, and times
+// exchanges of large and small messages.
 #include "kernels/ranks/communicator.h"
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 namespace gs {
 namespace {
 
-/// Large enough that latency does not count.
+/// Bytes of a large message, for which latency is negligible.
 constexpr std::size_t kSent = std::size_t(32) << 20;
-/// Small enough that only latency counts, and whole words, in which NCCL reads.
+/// Bytes of a small message, whose time is all latency; whole words, as NCCL reads them.
 constexpr std::size_t kSmall = 16;
 constexpr int kLargeExchanges = 7, kSmallExchanges = 201;
 
@@ -105,7 +105,7 @@ void Communicator::transfer_on_device(const std::vector<ConstBytes>& out, const 
     transfer_on_host(host_out, host_in);
     for (std::size_t k = 0; k < in.size(); ++k)
         if (!is_own(k) && !in[k].empty()) device.copy(in[k].data(), received_[k].data(), in[k].size());
-    device.wait();  // the next arrays take the place of these
+    device.wait();  // the next arrays reuse this memory
 }
 
 LinkSpeed measure_link(Communicator& ranks, DeviceStream* device) {
@@ -115,7 +115,7 @@ LinkSpeed measure_link(Communicator& ranks, DeviceStream* device) {
     speed.message_bytes = double(size * others);
     speed.bytes_per_second = double(size * others) / median_exchange(ranks, device, size, kLargeExchanges);
     speed.latency_seconds = median_exchange(ranks, nullptr, kSmall, kSmallExchanges);
-    // All ranks do as many exchanges, on whatever they compute.
+    // All ranks do as many exchanges, even if they compute on different kinds of device.
     const double of_device = median_exchange(ranks, device, kSmall, kSmallExchanges);
     if (device) speed.device_latency_seconds = of_device;
     return speed;

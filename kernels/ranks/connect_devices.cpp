@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ranks agree on NCCL by what each says of itself.
+// Decides on the use of NCCL from the offers of all ranks.
 #include "kernels/ranks/connect_devices.h"
 
 #include <algorithm>
@@ -9,12 +9,12 @@
 namespace gs {
 namespace {
 
-/// What a rank says of itself. Texts are cut to fit.
+/// NCCL support of one rank. Texts are cut to fit.
 struct Offer {
     char device[64] = {};
-    char version[16] = {};   ///< of NCCL
-    char why_not[400] = {};  ///< it cannot use NCCL
-    NcclId id = {};          ///< rank 0's
+    char version[16] = {};   ///< version of NCCL
+    char why_not[400] = {};  ///< reason why it cannot use NCCL
+    NcclId id = {};          ///< id made by rank 0
 };
 
 template <std::size_t N> void put_text(char (&to)[N], const std::string& text) {
@@ -38,7 +38,7 @@ Offer own_offer(int rank, const std::string& device) {
 
 std::string rank_text(std::size_t rank) { return "rank " + std::to_string(rank); }
 
-/// Returns why the ranks cannot use NCCL together, an empty text if they can.
+/// Returns why the ranks cannot use NCCL together; an empty text if they can.
 std::string obstacle(const std::vector<Offer>& offers) {
     for (std::size_t r = 0; r < offers.size(); ++r) {
         if (!*offers[r].device) return rank_text(r) + " has no GPU";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Deals the rows of a model to ranks, and puts it together again.
+// Deals the rows of a model to ranks, and joins them again.
 #include "kernels/ranks/dealt_rows.h"
 
 #include <algorithm>
@@ -10,17 +10,17 @@
 namespace gs {
 namespace {
 
-/// The arrays of a group, all of the same layout.
+/// Returns the arrays of a group, which share one layout.
 template <class Group> auto arrays_of(Group& group) { return std::array{&group.param, &group.m, &group.v}; }
 
-/// An array of which each part of a model has some or all of its rows.
+/// An array of which each part of a model holds some or all of its rows.
 struct ArrayOfParts {
     int width;
-    std::vector<const std::vector<float>*> from;  ///< by part
+    std::vector<const std::vector<float>*> from;  ///< source array of each part
     std::vector<float>* to;
 };
 
-/// Puts the rows in order, but those that a part does not have.
+/// Joins the rows in order, leaving out the rows that a part does not hold.
 void join(const ArrayOfParts& array, const std::vector<DealtRow>& order) {
     std::size_t size = 0;
     for (const auto* from : array.from) size += from->size();
@@ -96,7 +96,7 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
                     return *arrays_of(part.groups[g])[k];
                 });
     }
-    // A rank that was dealt nothing gathers no statistic; where another does, its part is empty as it should be.
+    // A rank without rows gathers no statistic. If another rank gathers one, the empty part is still correct.
     add(
         1, model.gradient_sum, [](const Gaussians& part) -> const auto& { return part.gradient_sum; });
     add(
@@ -110,7 +110,7 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
 std::vector<std::int64_t> even_shares(const std::vector<RowCounts>& ranks, std::int64_t total) {
     std::vector<std::int64_t> shares(ranks.size(), 0);
     std::vector<bool> full;
-    for (const RowCounts& r : ranks) full.push_back(r.count == 0);  // what has no row cannot grow
+    for (const RowCounts& r : ranks) full.push_back(r.count == 0);  // a rank without rows cannot grow
     for (bool again = true; again;) {
         again = false;
         std::int64_t rest = total;

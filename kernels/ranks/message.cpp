@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sends a message in a packet of fixed size, which is enough for the command of a step, and what is longer in another.
-// The fields of structures are written and read one by one: visit() lists them once for both.
+// Sends a message in a packet of fixed size, which fits the command of a step, and the rest of a longer message in
+// another packet. Structures are written and read field by field: visit() lists the fields once for both.
 #include "kernels/ranks/message.h"
 
 #include <algorithm>
@@ -10,7 +10,7 @@ namespace {
 
 struct FirstPacket {
     static constexpr std::size_t kBytes = kFirstPacketBytes - sizeof(std::uint64_t);
-    std::uint64_t size = 0;  ///< of the whole message
+    std::uint64_t size = 0;  ///< size of the whole message
     std::byte bytes[kBytes] = {};
 };
 static_assert(sizeof(FirstPacket) == kFirstPacketBytes);
@@ -30,7 +30,7 @@ template <class IsMeant> void send(Communicator& ranks, const MessageWriter& mes
     }
 }
 
-/// Calls field(x) for every field that is sent: all of StepRequest but what lies in rank 0's memory.
+/// Calls field(x) for every field that is sent: all of StepRequest except memory on rank 0.
 template <class Request, class Field> void visit_step(Request& r, Field&& field) {
     field(r.camera), field(r.background);
     field(r.target.width), field(r.target.height), field(r.target.channels), field(r.target.id);

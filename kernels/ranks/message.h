@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values in a row of bytes, as one rank sends them to another of the same build, and the structures of the Backend
-// interface in this form.
+// Serialized values, as one rank sends them to another of the same build, and the serialization of the structures of
+// the Backend interface.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ namespace gs {
 
 class MessageWriter {
   public:
-    /// Makes room for so many more bytes.
+    /// Reserves memory for that many more bytes.
     void reserve(std::size_t bytes) { bytes_.reserve(bytes_.size() + bytes); }
     template <class T> MessageWriter& put(const T& value) {
         static_assert(std::is_trivially_copyable_v<T>);
@@ -24,7 +24,7 @@ class MessageWriter {
         put(std::uint64_t(values.size()));
         return append(values.data(), values.size() * sizeof(T));
     }
-    /// Writes a text.
+    /// Writes a string.
     MessageWriter& put(const std::string& text) { return put(std::vector<char>(text.begin(), text.end())); }
     const std::vector<std::byte>& bytes() const { return bytes_; }
 
@@ -38,7 +38,7 @@ class MessageWriter {
     std::vector<std::byte> bytes_;
 };
 
-/// Reads what a MessageWriter wrote, in the same order. Throws DataError if a message is too short.
+/// Reads the values that a MessageWriter wrote, in the same order. Throws DataError if a message is too short.
 class MessageReader {
   public:
     explicit MessageReader(std::vector<std::byte> bytes) : bytes_(std::move(bytes)) {}
@@ -65,7 +65,7 @@ class MessageReader {
         text.assign(characters.begin(), characters.end());
     }
 
-    /// Returns whether nothing is left.
+    /// Returns whether everything was read.
     bool at_end() const { return at_ == bytes_.size(); }
 
   private:
@@ -78,16 +78,16 @@ class MessageReader {
     std::size_t at_ = 0;
 };
 
-/// What is sent of each message, of which 8 bytes are its length; the rest of a longer one follows.
+/// Bytes sent first for every message, 8 of which hold its length; the rest of a longer message follows.
 inline constexpr std::size_t kFirstPacketBytes = 2048;
 
-/// Sends a message to all other ranks, and receives it from rank 0.
+/// Sends a message from rank 0 to all other ranks, and receives it there.
 void send_to_others(Communicator& ranks, const MessageWriter& message);
 MessageReader receive_from_rank_0(Communicator& ranks);
 /// Sends a message to one other rank.
 void send_to(Communicator& ranks, int rank, const MessageWriter& message);
 
-/// A step goes without the pixels of its target, which the rank that renders the view reads by the target's id.
+/// A serialized step lacks the pixels of its target: the rank that renders the view reads them by the target's id.
 void put(MessageWriter& to, const StepRequest& request);
 void get(MessageReader& from, StepRequest& request);
 void put(MessageWriter& to, const std::vector<StepRequest>& requests);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds NCCL by dlopen and dlsym, and sends arrays from device to device by it, on a stream of their own.
+// Finds NCCL by dlopen and dlsym, and uses it to send arrays from device to device on a stream of its own.
 #include <dlfcn.h>
 #include <nccl.h>
 
@@ -23,7 +23,7 @@ namespace {
 
 constexpr const char* kName = "libnccl.so.2";
 
-/// A library that was loaded, for as long as the process lives: NCCL has threads of its own.
+/// A loaded library. It is never unloaded, because NCCL has threads of its own.
 struct NcclLibrary {
     std::string path, version;
     decltype(&ncclGetVersion) get_version;
@@ -41,7 +41,7 @@ struct NcclLibrary {
     decltype(&ncclRecv) recv;
 };
 
-/// Throws DeviceError, with `what` and NCCL's own words, for an error. A call that is still at work is none.
+/// Throws DeviceError for an error, with `what` and NCCL's own message. A call still in progress is no error.
 void nccl_check(const NcclLibrary& nccl, ncclResult_t result, const char* what) {
     if (result == ncclSuccess || result == ncclInProgress) return;
     const char* const details = nccl.get_last_error(nullptr);
@@ -55,11 +55,11 @@ std::string variable(const char* name) {
     return value ? value : "";
 }
 
-/// Returns the names under which the library is tried, in order.
+/// Returns the file names to try for the library, in order.
 std::vector<std::string> places() {
     const std::string chosen = variable("GSAPP_NCCL");
     if (chosen == "off") throw DeviceError("GSAPP_NCCL=off");
-    if (!chosen.empty()) return {chosen};  // what was asked for is not replaced by something else
+    if (!chosen.empty()) return {chosen};  // an explicit choice has no fallback
     std::vector<std::string> names = {kName};
     for (const std::string& cuda : {variable("CUDA_HOME"), variable("CUDA_PATH"), std::string("/usr/local/cuda")})
         for (const char* folder : {"lib64", "lib"})
@@ -69,19 +69,19 @@ std::vector<std::string> places() {
     return names;
 }
 
-/// Returns the file in which a function of a library is.
+/// Returns the file that contains a function of a library.
 std::string file_of(void* function) {
     Dl_info info{};
     return ::dladdr(function, &info) != 0 && info.dli_fname ? info.dli_fname : "";
 }
 
-/// Turns NCCL's number of a version into text: 22803 -> "2.28.3".
+/// Converts NCCL's version number to text: 22803 -> "2.28.3".
 std::string text_of_version(int number) {
     return std::to_string(number / 10000) + "." + std::to_string(number % 10000 / 100) + "." +
            std::to_string(number % 100);
 }
 
-/// Finds all functions. Throws DeviceError naming one that is missing.
+/// Finds all functions. Throws DeviceError with the name of a missing one.
 NcclLibrary functions_of(void* handle, const std::string& name) {
     const auto find = [&](auto& function, const char* symbol) {
         void* const address = ::dlsym(handle, symbol);
@@ -109,7 +109,7 @@ NcclLibrary functions_of(void* handle, const std::string& name) {
     return nccl;
 }
 
-/// Loads NCCL from where find_nccl() says. Throws DeviceError with what went wrong at each place.
+/// Loads NCCL from the places of find_nccl(). Throws DeviceError with the error of each place.
 NcclLibrary load_nccl() {
     std::string errors;
     for (const std::string& name : places()) {
@@ -120,14 +120,14 @@ NcclLibrary load_nccl() {
     throw DeviceError("NCCL was not found (" + errors + ")");
 }
 
-// Sends arrays from device to device by NCCL, on a stream of their own. No call waits for other ranks inside NCCL, so
-// that the end of a training, which another thread asks for, is seen while a rank that is gone keeps this one waiting;
-// where the device waits for that rank, the other thread ends that, too.
+// Sends arrays from device to device by NCCL, on a stream of its own. No call waits for other ranks inside NCCL, so
+// that an abort() from another thread is noticed while a lost rank blocks this one. If the device waits for the lost
+// rank, that thread also ends the wait.
 
-/// The seconds in which a wait looks without a pause: longer than an exchange between ranks that are equally fast.
+/// Seconds of busy waiting before pauses: longer than an exchange between equally fast ranks.
 constexpr double kWithoutPause = 0.01;
 constexpr std::chrono::microseconds kPause(100);
-/// The seconds that NCCL has to take its leave of other ranks.
+/// Seconds that NCCL gets for disconnecting from other ranks.
 constexpr double kLongestLeave = 5;
 
 static_assert(sizeof(NcclId) == sizeof(ncclUniqueId));
@@ -166,7 +166,7 @@ class NcclLink final : public DeviceLink {
             });
             nccl_.comm_destroy(comm_);
         } catch (const DeviceError&) {
-            break_off();  // the work is done, or lost; who waits for it has said so
+            break_off();  // the work is done, or lost and already reported
         }
     }
 
@@ -201,7 +201,7 @@ class NcclLink final : public DeviceLink {
         });
     }
 
-    /// A transfer is on the stream when NCCL is ready, and not before: a thread of NCCL's brings it there.
+    /// A transfer is on the stream only once NCCL is ready: a thread of NCCL puts it there.
     void finish() override {
         or_break_off([&] { wait_until([&] { return is_ready("NCCL"); }); });
     }
@@ -209,8 +209,7 @@ class NcclLink final : public DeviceLink {
   private:
     static constexpr const char* kEnded = "the connection to the other GPUs was ended";
 
-    /// Returns whether NCCL has done what the last call asked for. Throws DeviceError if it failed, or where the
-    /// connection has.
+    /// Returns whether NCCL has completed the last call. Throws DeviceError if the call or the connection has failed.
     bool is_ready(const char* what) {
         const std::lock_guard lock(mutex_);
         if (!comm_) throw DeviceError(kEnded);
@@ -230,7 +229,7 @@ class NcclLink final : public DeviceLink {
         }
     }
 
-    /// Calls work(). After an error nothing more is sent.
+    /// Calls work(). After an error, breaks off the connection.
     template <class Work> void or_break_off(Work&& work) {
         try {
             work();
@@ -240,7 +239,7 @@ class NcclLink final : public DeviceLink {
         }
     }
 
-    /// Ends what is on its way, on the device as well, without the other ranks.
+    /// Ends all transfers, also on the device, without the other ranks.
     void break_off() {
         const std::lock_guard lock(mutex_);
         if (comm_) nccl_.comm_abort(comm_);
@@ -250,8 +249,8 @@ class NcclLink final : public DeviceLink {
     const NcclLibrary nccl_;
     const int rank_, size_;
     const std::stop_token stop_;
-    std::mutex mutex_;           ///< of comm_, which another thread may abort
-    ncclComm_t comm_ = nullptr;  ///< null when it has ended
+    std::mutex mutex_;           ///< guards comm_, which another thread may abort
+    ncclComm_t comm_ = nullptr;  ///< null once ended
     std::optional<std::stop_callback<std::function<void()>>> end_;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Projects the rank's Gaussians for all views, renders the rank's views, and takes the rank's part of a step.
+// Projects the rank's Gaussians for all views, renders the rank's views, and does the rank's part of a step.
 #include "kernels/ranks/shard.h"
 
 #include <algorithm>
@@ -16,11 +16,11 @@
 namespace gs {
 namespace {
 
-/// Returns a seed for the rank, so that no two ranks draw the same numbers for their rows.
+/// Returns a seed for the rank, so that no two ranks draw the same random numbers for their rows.
 std::uint64_t rank_seed(std::uint64_t seed, int rank) { return seed + std::uint64_t(rank) * 0x9E3779B97F4A7C15ull; }
 
-/// Adds what a view says of the residuals of a rank's Gaussians to `totals` (rows with a residual). `bases` are the
-/// colours of all rows without a residual.
+/// Adds a view's contribution to the residual sums of a rank's Gaussians to `totals` (rows with a residual). `bases`
+/// are the colours of all rows without a residual.
 void add_view_to(std::vector<ResidualSums>& totals, const ProjectedView& projected,
                  std::span<const ResidualSplatSums> sums, const std::vector<Vec3<float>>& bases) {
     std::vector<WireSplat> copied_splats;
@@ -35,7 +35,7 @@ void add_view_to(std::vector<ResidualSums>& totals, const ProjectedView& project
     });
 }
 
-/// Returns the colours that Gaussians with these base colours (n, 3) show without a residual.
+/// Returns the colours of Gaussians with these base colours (n, 3) and no residual.
 std::vector<Vec3<float>> shown_bases(const std::vector<float>& bases, ColorActivation activation) {
     std::vector<Vec3<float>> out;
     for (std::size_t i = 0; i < bases.size(); i += 3)
@@ -43,7 +43,7 @@ std::vector<Vec3<float>> shown_bases(const std::vector<float>& bases, ColorActiv
     return out;
 }
 
-/// Lets the request keep its pixels where they are lent for a call.
+/// Makes the request own its pixels if they are only lent for a call.
 void keep_pixels(StepRequest& request) {
     TargetImage& target = request.target;
     if (request.pixels || (!target.u8 && !target.f32)) return;
@@ -61,14 +61,13 @@ void keep_pixels(StepRequest& request) {
     request.pixels = kept;
 }
 
-/// Returns the number of values that an array of so many takes, so that others begin at multiples of 16 bytes behind
-/// it.
+/// Returns `num` rounded up so that an array behind it begins at a multiple of 16 bytes.
 std::size_t with_alignment(std::size_t num) {
     static_assert(4 * sizeof(WireSplat) % 16 == 0 && 4 * sizeof(SplatSums<float>) % 16 == 0);
     return (num + 3) / 4 * 4;
 }
 
-/// Lets arrays of values lie one after another from `at` on, at multiples of 16 bytes, if there is such a place.
+/// Places arrays of values one after another from `at` on, at multiples of 16 bytes, unless `at` is null.
 template <class T> auto one_after_another(std::byte* at) {
     return [at](DeviceArray<WireSplat>& array, std::size_t room) mutable {
         array.lie_at(at && room > 0 ? at : nullptr);
@@ -76,10 +75,10 @@ template <class T> auto one_after_another(std::byte* at) {
     };
 }
 
-/// Nothing, for views whose splats have no sums.
+/// Empty sum, for views whose splats have no sums.
 struct NoSum {};
 
-/// `reports` are those on the views of a step, null for other views.
+/// Returns the views of `steps`. `reports` are the reports on the views of a step, null for other views.
 std::vector<ShownView> shown(const std::vector<StepRequest>& steps, ViewReport* reports) {
     std::vector<ShownView> views;
     for (const StepRequest& step : steps)
@@ -127,7 +126,7 @@ template <class Fn> auto Shard::on_received(Fn&& fn) {
     try {
         return fn();
     } catch (const Error&) {
-        if (ranks_.stop_token().stop_requested()) all_gather(ranks_, 0);  // it throws
+        if (ranks_.stop_token().stop_requested()) all_gather(ranks_, 0);  // throws
         throw;
     }
 }
@@ -154,7 +153,7 @@ template <class Fn> void Shard::for_places(const std::vector<ShownView>& views, 
     for (std::size_t r = 0; r < num_ranks; ++r)
         if (r != own) fn(received_[r], renders ? room(views[mine].id, r) : 0);
     for (std::size_t k = first; k < end; ++k) {
-        // The next view that the rank renders takes the places, but sums for the rank's Gaussians must last until the
+        // The next view that the rank renders reuses the places, but sums for the rank's Gaussians must last until the
         // step.
         const bool lasts = renders && (k == mine ? mine + num_ranks >= views.size() : !projects_more);
         fn(projected_[k].splats, lasts ? room(views[k].id, own) : 0);
@@ -162,7 +161,7 @@ template <class Fn> void Shard::for_places(const std::vector<ShownView>& views, 
 }
 
 void Shard::choose_places(const std::vector<ShownView>& views, std::size_t first, bool foreseen) {
-    ranks_.settle();  // what they hold may still be on its way
+    ranks_.settle();  // their contents may still be in transfer
     const std::size_t num_ranks = received_.size(), mine = first + rank_after(0);
     places_ = {};
     if (foreseen && mine < views.size()) {
@@ -188,7 +187,7 @@ void Shard::gather_splats(const std::vector<ShownView>& views, std::size_t first
     const std::size_t mine = first + rank_after(0);
     const bool renders = mine < views.size();
     choose_places(views, first, foreseen);
-    // Views of other ranks come first, so that their splats are on their way while the next view is projected.
+    // Views of other ranks come first, so that their splats are in transfer while the next view is projected.
     begin_projection(first + rank_after(1));
     for (std::size_t offset = 1; offset < num_ranks; ++offset) {
         const std::size_t to = rank_after(offset), from = rank_after(num_ranks - offset), view = first + to;
@@ -278,7 +277,7 @@ void Shard::order_by_rows(std::size_t first_view, std::size_t num_views) {
 void Shard::upload(const Gaussians* model) {
     const int num_ranks = ranks_.size();
     std::optional<Gaussians> part;
-    // The parts go one by one, so that no more than two are in memory besides the model.
+    // The parts are sent one by one, so that at most two are in memory besides the model.
     for (int r = 1; model && r < num_ranks; ++r) {
         MessageWriter message;
         put(message, dealt_part(*model, num_ranks, r));
@@ -348,7 +347,7 @@ void Shard::render(const std::vector<RenderRequest>& views, std::vector<Rendered
             std::vector<Bytes> receive(num_ranks);
             const std::size_t end = std::min(first + num_ranks, views.size());
             for (std::size_t k = first; ranks_.rank() == 0 && k < end; ++k) {
-                if (k == first) continue;  // is here
+                if (k == first) continue;  // rank 0 already has its pixels
                 const CameraParams<float>& camera = views[k].camera;
                 images[k].width = camera.width, images[k].height = camera.height;
                 const std::size_t channels = plane == &RenderedImage::rgb ? 3 : 1;
@@ -386,7 +385,7 @@ void Shard::begin_step(std::vector<StepRequest> step_views) {
     engine_.update_rows(reports_of_all_ranks_, views, projected_, sums_.of_view, num_gaussians_, shared_);
     begin_shared();
     is_incomplete_ = true;
-    // Over a link the transfer comes to the device while the next command is on its way.
+    // Over a link the transfer reaches the device while the next command is on its way.
     if (shared_.size() == 0 || !ranks_.link()) complete_step();
 }
 
@@ -400,8 +399,8 @@ void Shard::read_decision() {
     std::vector<ImageId> ids;
     for (const StepRequest& view : unread_.front()) ids.push_back(view.target.id);
     const std::vector<ViewReport> reports = on_received([&] { return engine_.read_reports(ids, ranks_.rank()); });
-    // A device goes on when another rank is lost, with whatever is in its arrays.
-    if (ranks_.stop_token().stop_requested()) all_gather(ranks_, 0);  // it throws
+    // A device continues with arbitrary data in its arrays if another rank is lost.
+    if (ranks_.stop_token().stop_requested()) all_gather(ranks_, 0);  // throws
     const std::vector<StepRequest>& views = unread_.front();
     const std::size_t num_ranks = received_.size(), num_views = views.size();
     note_reports(views, reports);
@@ -447,7 +446,7 @@ void Shard::note_reports(const std::vector<StepRequest>& views, const std::vecto
             const auto num = std::uint64_t(reports[r * views.size() + k].num_splats);
             share = std::max(share, SplatRooms::share(num, rows_[r].count));
         }
-        for (std::size_t j = 0; j < k; ++j)  // a view that is there twice
+        for (std::size_t j = 0; j < k; ++j)  // a view may occur twice
             if (views[j].target.id == views[k].target.id) share = std::max(share, shares[j]);
         rooms_.note(views[k].target.id, share);
     }
@@ -468,7 +467,7 @@ bool Shard::corrects(const std::vector<StepRequest>& views) const {
 
 void Shard::begin_shared() {
     const std::size_t num_ranks = received_.size(), row = shared_.size();
-    if (row == 0) return;  // on all ranks
+    if (row == 0) return;  // the same on all ranks
     shared_of_all_ranks_.resize(num_ranks * row);
     std::vector<ConstBytes> out(num_ranks, std::as_const(shared_).bytes());
     std::vector<Bytes> in;
@@ -544,7 +543,7 @@ std::vector<StepRequest> Shard::next_steps(std::size_t first, std::size_t num_vi
         return views;
     }
     views.resize(std::min(num_views - first, std::size_t(ranks_.size())));
-    // Rank 0 renders the first, whose pixels are gone with the next call of step_on.
+    // Rank 0 renders the first view, whose pixels become invalid at the next call of step_on.
     for (std::size_t k = views.size(); k-- > 0;) {
         views[k] = (*step_on)(first + k);
         if (k > 0) views[k].target.u8 = nullptr, views[k].target.f32 = nullptr;
@@ -582,7 +581,7 @@ DensifyStats Shard::densify(DensifyRequest request, const std::vector<std::int64
     request.seed = rank_seed(request.seed, ranks_.rank());
     if (auto* mcmc = std::get_if<McmcParams>(&request.rule)) {
         mcmc->room = (mcmc->cap + ranks_.size() - 1) / ranks_.size();
-        mcmc->cap = share;  // all of it at once: how much growth there is has been decided for all ranks
+        mcmc->cap = share;  // all of it at once: the growth of all ranks is already decided
         mcmc->growth = double(share) / double(std::max<std::int64_t>(1, engine_.counts().count)) + 1;
     } else if (auto* adc = std::get_if<AdcParams>(&request.rule)) {
         if (adc->cap > 0) adc->cap = std::max<std::int64_t>(1, share);

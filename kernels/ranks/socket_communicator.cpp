@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sends and receives on all sockets at once, in the thread that exchanges.
+// Sends and receives on all sockets at once, in the calling thread.
 #include "kernels/ranks/socket_communicator.h"
 
 #include <netinet/in.h>
@@ -22,21 +22,21 @@ namespace {
 
 using Size = std::uint64_t;
 
-/// A machine that is silent for so long is asked whether it is there, and is gone if it has not answered so many times.
+/// Seconds of silence before a machine is probed, and the number of unanswered probes after which it counts as lost.
 constexpr int kKeepAliveSeconds = 15, kKeepAliveTries = 4;
 
-/// An array on its way with its size before it, in one direction.
+/// An array in transfer in one direction, preceded by its size.
 class Transfer {
   public:
     Transfer(std::byte* data, std::size_t bytes) : data_(data), size_(bytes), header_(bytes), left_(bytes) {
         if (bytes > 0) left_ += sizeof header_;
     }
     bool is_done() const { return left_ == 0; }
-    /// Returns whether the size has passed.
+    /// Returns whether the size has been transferred.
     bool has_size() const { return left_ <= size_; }
     /// Returns the size that was sent.
     Size header() const { return header_; }
-    /// Calls move(message), which returns how many bytes it moved, negative with errno for none.
+    /// Calls move(message), which returns the number of bytes moved, or a negative value with errno for none.
     template <class Move> ssize_t advance(Move&& move) {
         const std::size_t header_left = left_ > size_ ? left_ - size_ : 0, data_left = left_ - header_left;
         std::array<iovec, 2> parts{
@@ -52,7 +52,7 @@ class Transfer {
   private:
     std::byte* data_;
     Size size_, header_;
-    std::size_t left_;  ///< bytes, of both
+    std::size_t left_;  ///< bytes left of size and array
 };
 
 class SocketCommunicator final : public Communicator {
@@ -63,12 +63,12 @@ class SocketCommunicator final : public Communicator {
           wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
         if (!wake_.is_open()) throw DeviceError(std::string("cannot connect the ranks: ") + std::strerror(errno));
         for (const Descriptor& socket : to_rank_) {
-            // Sockets that stay on one machine may know none of these options, and need none.
+            // Sockets within one machine may not support these options, and do not need them.
             const auto set = [&](int level, int option, int value) {
                 ::setsockopt(socket.fd(), level, option, &value, sizeof value);
             };
             set(IPPROTO_TCP, TCP_NODELAY, 1);  // short messages are sent at once
-            set(SOL_SOCKET, SO_KEEPALIVE, 1);  // a machine that is gone is noticed while others wait for it
+            set(SOL_SOCKET, SO_KEEPALIVE, 1);  // detects a lost machine while others wait for it
             set(IPPROTO_TCP, TCP_KEEPIDLE, kKeepAliveSeconds);
             set(IPPROTO_TCP, TCP_KEEPINTVL, kKeepAliveSeconds);
             set(IPPROTO_TCP, TCP_KEEPCNT, kKeepAliveTries);
@@ -86,7 +86,7 @@ class SocketCommunicator final : public Communicator {
         if (!out[self].empty() && !in[self].empty()) std::memcpy(in[self].data(), out[self].data(), in[self].size());
         std::vector<Transfer> sends, receives;
         for (std::size_t r = 0; r < out.size(); ++r) {
-            // Nothing is written to what is sent.
+            // Sending does not write to the array.
             sends.emplace_back(const_cast<std::byte*>(out[r].data()), r == self ? 0 : out[r].size());
             receives.emplace_back(in[r].data(), r == self ? 0 : in[r].size());
         }

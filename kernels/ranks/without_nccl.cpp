@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stands in for NCCL in builds that found no nccl.h. The others do not compile it.
+// Replaces NCCL in builds that found no nccl.h. Other builds do not compile this file.
 #include "kernels/base/error.h"
 #include "kernels/ranks/connect_devices.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussian-tile pairs on the CPU, and depth as a sort key. The key is the same on both backends, so that both blend in
-// the same order.
+// Gaussian-tile pairs on the CPU, and depth as a sort key. Both backends use the same key, so that they blend in the
+// same order.
 #pragma once
 
 #include <cstdint>
@@ -13,17 +13,17 @@ namespace gs {
 /// One (Gaussian, tile) pair.
 struct Instance {
     std::uint32_t gaussian;
-    std::uint32_t slot;  ///< position in Gaussian-major order: the instances of one Gaussian are neighbours there
+    std::uint32_t slot;  ///< position in Gaussian-major order, in which the instances of one Gaussian are consecutive
 };
 
 inline constexpr int kDepthKeyBits = 24;
-/// Keys of depths between near and far are smaller than this, which fits into the bits, too.
+/// Upper bound of the keys of depths between near and far. It fits into the key bits, too.
 inline constexpr std::uint32_t kDepthKeyEnd = (1u << kDepthKeyBits) - 1;
 
-/// Turns a depth into a key of 24 bits. The bits of positive floats order like the floats, and depths between near and
-/// far do not need all 32. The lowest are dropped until 24 are left, which saves one of four passes of a radix sort.
-/// The relative resolution is 1e-6 where near is 0.2 and far 10000. Gaussians closer together than that are blended in
-/// the order of their indices.
+/// Converts a depth to a key of 24 bits. Positive floats have the same order as their bits, and depths between near and
+/// far do not need all 32 bits. The lowest bits are dropped until 24 are left, which saves one of four passes of a
+/// radix sort. The relative resolution is 1e-6 if near is 0.2 and far 10000. Gaussians closer together than that are
+/// blended in index order.
 struct DepthKey {
     std::uint32_t near_bits, shift;
 

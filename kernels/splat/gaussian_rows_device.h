@@ -13,9 +13,9 @@ template <class Real> struct ParameterView {
     std::int64_t count;
     const Real *means, *log_scales, *rotations, *raw_opacities, *base_colors, *residuals;
     int residual_width;
-    std::int64_t num_residuals;  ///< the first Gaussians have a residual, the others one colour from everywhere
+    std::int64_t num_residuals;  ///< number of leading Gaussians with a residual; others have a view-independent colour
     ColorActivation activation;
-    const Real* shared;  ///< weights that all Gaussians share, or null
+    const Real* shared;  ///< weights common to all Gaussians, or null
 
     static ParameterView of(const GaussianState<Real>& s) {
         const auto p = [&](Group g) { return s[g].param.data(); };
@@ -45,19 +45,19 @@ template <class Real> struct ParameterView {
         return {base_colors[3 * i], base_colors[3 * i + 1], base_colors[3 * i + 2]};
     }
     GS_HD const Real* residual(std::int64_t i) const { return residuals + i * residual_width; }
-    /// Returns the degree of Gaussian i in a view of degree `active`: 0 if it has no residual.
+    /// Returns the degree of Gaussian i in a view of degree `active`: 0 if the Gaussian has no residual.
     GS_HD int degree(std::int64_t i, int active) const { return i < num_residuals ? active : 0; }
 };
 
 /// The gradients of one Gaussian, except those of its residual. For an invisible Gaussian `visible` is false and all
-/// else is zero.
+/// other fields are zero.
 template <class Real> struct GaussianGradient {
     bool visible;
     GeometryGradient<Real> geometry;
     Vec3<Real> base;
     Vec2<Real> mean2d;  ///< gradient of the mean in pixels, for the densification statistic
 
-    /// Adds a share of another view's gradient. mean2d belongs to one view, and stays.
+    /// Adds the gradient of another view times `share`. mean2d belongs to one view, and is left unchanged.
     GS_HD void add(const GaussianGradient& other, Real share) {
         visible |= other.visible;
         const auto& o = other.geometry;

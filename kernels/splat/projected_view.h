@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The splats of a view on their way between ranks, and the sums over pixels that come back for them.
+// The splats of a view as sent between ranks, and the sums over pixels returned for them.
 #pragma once
 
 #include <vector>
@@ -13,16 +13,16 @@ namespace gs {
 
 /// The splats of some Gaussians in one view, in the order of their rows.
 struct ProjectedView {
-    /// Makes an empty one in the memory of `device`, or of the host if that is null.
+    /// Makes an empty view in the memory of `device`, or in host memory if it is null.
     explicit ProjectedView(DeviceStream* device = nullptr) : splats(device), rows(device), places(device) {}
 
     DeviceArray<WireSplat> splats;
-    DeviceArray<std::uint32_t> rows;     ///< of the splats, but not of a step's on a device
-    DeviceArray<SplatPlaces> places;     ///< of a step's on a device: (Gaussians / 32, rounded up)
+    DeviceArray<std::uint32_t> rows;     ///< rows of the splats; unused for a step on a device
+    DeviceArray<SplatPlaces> places;     ///< places of the splats for a step on a device: (Gaussians / 32, rounded up)
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
 
-/// The splats of a view in parts, one from each rank in the order of the ranks, and what is summed up for each of them.
+/// The splats of a view in parts, one from each rank in rank order, and the sums for each of the splats.
 using SplatParts = std::vector<const DeviceArray<WireSplat>*>;
 template <class Sum> using SumParts = std::vector<DeviceArray<Sum>*>;
 using RowParts = std::vector<DeviceArray<std::uint32_t>>;
@@ -32,7 +32,7 @@ inline std::size_t num_splats(const SplatParts& parts) {
     for (const auto* part : parts) sum += part->size();
     return sum;
 }
-/// Calls write(k, sum) for the k-th of all splats, where sums are on the host.
+/// Calls write(k, sum) for the k-th of all splats. The sums must be in host memory.
 template <class Sum, class Write> void write_sums(const SplatParts& splats, const SumParts<Sum>& sums, Write&& write) {
     std::int64_t first = 0;
     for (std::size_t part = 0; part < splats.size(); ++part) {
@@ -43,19 +43,19 @@ template <class Sum, class Write> void write_sums(const SplatParts& splats, cons
     }
 }
 
-/// Places in memory that the device uses for other things at other times; null if there are none.
+/// Places in memory that the device also uses for other purposes; null if there are none.
 struct ScratchPlaces {
-    std::byte* splats = nullptr;  ///< what lies here is lost when loss_of_splats() has read its splats
-    std::byte* sums = nullptr;    ///< this is free when loss_of_splats() writes sums, and then until the next view
+    std::byte* splats = nullptr;  ///< place of splats; overwritten once loss_of_splats() has read its splats
+    std::byte* sums = nullptr;    ///< place of sums; free from when loss_of_splats() writes sums until the next view
 };
 
-/// The sums of one splat over the pixels of a view that say what its residual is worth.
+/// The sums of one splat over the pixels of a view that determine the value of its residual.
 struct ResidualSplatSums {
-    float weight;          ///< of the view's mask
-    Vec3<float> gradient;  ///< of half the squared error by the colour
+    float weight;          ///< sum of blending weights, weighted by the view's mask
+    Vec3<float> gradient;  ///< gradient of half the squared error by the colour
 };
 
-/// Returns the number of values of a rank's gradient of so many shared weights: arrays that pass between ranks begin at
+/// Returns the padded length of a rank's gradient of `num_weights` shared weights: arrays sent between ranks begin at
 /// multiples of 16 bytes.
 constexpr std::size_t shared_row(std::size_t num_weights) { return (num_weights + 3) / 4 * 4; }
 

@@ -23,7 +23,7 @@ struct PixelBounds {
     int x_min, x_max, y_min, y_max;
 };
 
-/// The intermediate results that the forward and backward pass share. The backward pass recomputes them instead of
+/// The intermediate results common to the forward and backward pass. The backward pass recomputes them instead of
 /// storing them.
 template <class T> struct Projection {
     Vec3<T> cam;         ///< mean in camera space
@@ -33,7 +33,7 @@ template <class T> struct Projection {
     Sym3<T> covariance;  ///< R diag(variance) R^T, world
     T j11, j22;          ///< fx/z, fy/z
     Vec3<T> a1, a2;      ///< rows of J W
-    Sym2<T> cov2d;       ///< dilated
+    Sym2<T> cov2d;       ///< with dilation
     T det;
 };
 
@@ -63,7 +63,7 @@ template <class T> GS_HD Vec3<T> activated_variance(const Vec3<T>& s) {
     return {gs_exp(T(2) * gs_min(s.x, m)), gs_exp(T(2) * gs_min(s.y, m)), gs_exp(T(2) * gs_min(s.z, m))};
 }
 
-/// Takes steps 4 to 8 of the forward pass for a mean in p.cam. There are no branches, so T may also be lanes.
+/// Computes steps 4 to 8 of the forward pass for the mean in p.cam. It has no branches, so T may also be lanes.
 template <class T>
 GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
     p.rotation = rotation_matrix(g.rotation);
@@ -86,12 +86,12 @@ GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& ca
     p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
 }
 
-/// Returns a mean in the camera's frame: step 2 of the forward pass.
+/// Transforms a mean to the camera's frame: step 2 of the forward pass.
 template <class T> GS_HD Vec3<T> camera_point(const Vec3<T>& mean, const CameraParams<T>& cam) {
     return cam.rotation * mean + cam.translation;
 }
 
-/// Takes steps 2 and 4 to 8 of the forward pass. Returns false if the Gaussian is culled. Every test is written
+/// Computes steps 2 and 4 to 8 of the forward pass. Returns false if the Gaussian is culled. Every test is written
 /// positively, so that NaN fails it.
 template <class T>
 GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
@@ -103,7 +103,7 @@ GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>&
     return p.det >= T(kMinDeterminant) && p.cov2d.xx <= T(kMaxVariance2d) && p.cov2d.yy <= T(kMaxVariance2d);
 }
 
-/// A half-open rectangle of pixels whose whole numbers are still floating point.
+/// A half-open rectangle of pixels with integer values stored as floating point.
 template <class T> struct Rectangle { T x_min, x_max, y_min, y_max; };
 
 /// Returns the pixel rectangle of the ellipse alpha >= 1/255, clamped to [0, width_padded] x [0, height_padded].
@@ -116,7 +116,7 @@ GS_HD Rectangle<T> ellipse_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T thre
             gs_clamp(gs_floor(m.y - hy), T(0), height_padded), gs_clamp(gs_ceil(m.y + hy), T(0), height_padded)};
 }
 
-/// Returns the same as integers. Means far off axis exceed the range of int, so they are clamped before.
+/// Returns the same rectangle as integers. Means far off axis exceed the range of int, so they are clamped first.
 template <class T>
 GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T threshold, int width_padded,
                                int height_padded) {
@@ -124,9 +124,9 @@ GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T thresho
     return {int(r.x_min), int(r.x_max), int(r.y_min), int(r.y_max)};
 }
 
-/// Returns the smallest power 1/2 d^T Q d over the pixel centres' rectangle [x0+.5, x0+.5+extent_x] x
-/// [y0+.5, y0+.5+extent_y], which is 0 if the mean lies inside. P is a scalar, or lanes that test one rectangle each.
-/// extent_x and extent_y are positive.
+/// Returns the minimum of the power 1/2 d^T Q d over the rectangle of pixel centres [x0+.5, x0+.5+extent_x] x [y0+.5,
+/// y0+.5+extent_y], which is 0 if the mean lies inside. P is a scalar, or lanes that test one rectangle each. extent_x
+/// and extent_y are positive.
 template <class P, class T> GS_HD P min_power_in_rectangle(const Splat<T>& s, P x0, P y0, T extent_x, T extent_y) {
     const P zero(T(0)), one(T(1)), mx(s.mean.x - T(0.5)), my(s.mean.y - T(0.5)), ax(s.a), bx(s.b), cx(s.c),
         wx(extent_x), wy(extent_y);
@@ -134,7 +134,7 @@ template <class P, class T> GS_HD P min_power_in_rectangle(const Splat<T>& s, P 
     const P left = select(at_least(x0, mx), one, zero), right = select(at_least(x1, mx), zero, one);
     const P above = select(at_least(y0, my), one, zero), below = select(at_least(y1, my), zero, one);
     const P out_x = left + right, out_y = above + below;
-    // The minimum lies on one of the two edges that meet in the corner nearest to the mean (StopThePop).
+    // The minimum lies on one of the two edges that meet at the corner nearest to the mean (StopThePop).
     const P ex = mx - x1 + left * wx, ey = my - y1 + above * wy;
     const P dx = (left + left - one) * wx, dy = (above + above - one) * wy;
     const P tx = out_y * lane_min(lane_max((ax * ex + bx * ey) * reciprocal(ax * dx), zero), one);
@@ -151,7 +151,7 @@ template <class T> struct GeometryGradient {
     T raw_opacity;
 };
 
-/// Takes steps 1 and 3 to 9 of the backward pass, which are all but the colour.
+/// Computes steps 1 and 3 to 9 of the backward pass: all steps except the colour.
 template <class T>
 GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const CameraParams<T>& cam,
                                            const Projection<T>& p, T opacity, const SplatGradient<T>& d) {

@@ -4,21 +4,20 @@
 
 namespace gs {
 
-/// The square pixels added to both diagonal entries of the 2-D covariance: the reconstruction filter of 3DGS.
+/// Square pixels added to both diagonal entries of the 2-D covariance: the reconstruction filter of 3DGS.
 inline constexpr double kDilation = 0.3;
-/// The least determinant of a dilated covariance. Dilation makes it >= 0.09, so only cancellation leads below this
-/// limit.
+/// Smallest determinant of a dilated covariance. Dilation makes it >= 0.09, so only cancellation gives a smaller value.
 inline constexpr double kMinDeterminant = 1e-6;
-/// The largest 2-D variance, in square pixels. A larger Gaussian is uniform over any image and its conic underflows.
+/// Largest 2-D variance, in square pixels. A larger Gaussian is uniform over any image and its conic underflows.
 inline constexpr double kMaxVariance2d = 1e12;
-/// The largest log scale that is evaluated, so that exp(2 s) stays finite in float.
+/// Largest log scale that is evaluated, so that exp(2 s) stays finite in float.
 inline constexpr double kMaxLogScale = 40;
-/// The least visible alpha, one 8-bit step. Fainter fragments and Gaussians are invisible.
+/// Smallest visible alpha, one 8-bit step. Fainter fragments and Gaussians are invisible.
 inline constexpr double kMinAlpha = 1.0 / 255.0;
-/// The transmittance below which a pixel is finished. The fragment that takes it there is still blended.
+/// Transmittance below which a pixel is finished. The fragment that crosses this limit is still blended.
 inline constexpr double kMinTransmittance = 1e-4;
 
-/// The limits at which a backend stops: the two above, or higher ones that trade accuracy for speed.
+/// Limits at which a backend stops: the two above, or higher limits that trade accuracy for speed.
 template <class Real> struct Cutoffs {
     Real alpha = Real(kMinAlpha), inverse_alpha = Real(255);  ///< alpha is at least kMinAlpha
     Real transmittance = Real(kMinTransmittance);
@@ -28,16 +27,16 @@ template <class Real> struct Cutoffs {
     }
 };
 
-/// The floor of 1-alpha in the backward pass.
+/// Lower bound of 1-alpha in the backward pass.
 inline constexpr double kMinOneMinusAlpha = 1e-6;
-/// The least |q|^2. A shorter quaternion has no direction: its Gaussian is culled, and dead for densification.
+/// Smallest |q|^2. A shorter quaternion has no direction: its Gaussian is culled, and dead for densification.
 inline constexpr double kMinQuaternionNorm2 = 1e-8;
-/// The largest |q|^2. No step of the optimizer turns a longer quaternion any more, and float's range ends at 1e38.
+/// Largest |q|^2. No optimizer step can rotate a longer quaternion noticeably, and float's range ends at 1e38.
 inline constexpr double kMaxQuaternionNorm2 = 1e16;
-/// The largest raw opacity. The transmittance there, 4.5e-5, is below kMinTransmittance, so a larger one would change
-/// no image. From 17 on opacity is 1 in float, its slope is 0, and the Gaussian would stay opaque for ever.
+/// Largest raw opacity. The transmittance there, 4.5e-5, is below kMinTransmittance, so a larger value would change no
+/// image. From 17 on opacity is 1 in float, its slope is 0, and the Gaussian would stay opaque for ever.
 inline constexpr double kMaxRawOpacity = 10;
-/// The fraction of the image beyond its border up to which the projection's Jacobian is evaluated (3DGS: 1.3
+/// Margin around the image, as a fraction of its size, up to which the projection's Jacobian is evaluated (3DGS: 1.3
 /// tan(fov/2)).
 inline constexpr double kFrustumMargin = 0.15;
 inline constexpr double kLog2E = 1.4426950408889634;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The splats that preprocessing hands to sorting and blending on the device, the tiles that they touch, and the order
-// of instances that sorting hands to blending.
+// The splats that preprocessing passes to sorting and blending on the device, the tiles that they touch, and the order
+// of instances that sorting passes to blending.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +10,11 @@
 
 namespace gs {
 
-/// A tile of the CUDA blend has 16x12 pixels, which six warps of 8x4 pixels share.
+/// A tile of the CUDA blend has 16x12 pixels, covered by six warps of 8x4 pixels.
 inline constexpr int kCudaTileX = 16, kCudaTileY = 12, kCudaTilePixels = kCudaTileX * kCudaTileY;
 
-/// A splat in three 16-byte pieces, so that three instructions read it and it shares no sector needlessly. Its conic is
-/// scaled once for all pixels, as FragmentShape has it.
+/// A splat in three 16-byte pieces, so that three instructions read it and no memory sector is shared needlessly. Its
+/// conic is scaled once for all pixels, as in FragmentShape.
 struct alignas(16) PackedSplat {
     float4 a;  ///< mean x, mean y, qa, qb
     float4 b;  ///< qc, opacity, threshold, red
@@ -29,7 +29,7 @@ struct alignas(16) PackedSplat {
     __device__ FragmentShape<float> shape() const { return {a.x, a.y, a.z, a.w, b.x, b.y}; }
     __device__ Vec3<float> color() const { return {b.w, c.x, c.y}; }
     __device__ void set_color(const Vec3<float>& color) { b.w = color.x, c.x = color.y, c.y = color.z; }
-    /// Returns the splat with its conic as it was, but for rounding.
+    /// Returns the splat with its conic unscaled, exact up to rounding.
     __device__ Splat<float> splat() const {
         constexpr float kUnscale = float(-2 / kLog2E);
         return {{a.x, a.y}, kUnscale * a.z, 0.5f * kUnscale * a.w, kUnscale * b.x, b.y, color(), b.z};
@@ -40,7 +40,7 @@ struct alignas(16) PackedSplat {
     }
 };
 
-/// The tiles that a pixel rectangle meets.
+/// The tiles that overlap a pixel rectangle.
 struct TileRectangle {
     int x0, y0, width, height;
     __device__ explicit TileRectangle(const PixelBounds& b)
@@ -66,13 +66,13 @@ struct TileSpan {
     __device__ int width() const { return where >> 26; }
 };
 
-/// The ellipse {power <= touch threshold} of a splat by rows. Between two rows the right-hand boundary is concave, so
-/// its largest value lies at the ellipse's rightmost point or at the nearer row. The same holds on the left.
+/// The ellipse {power <= touch threshold} of a splat, row by row. Between two rows the right-hand boundary is concave,
+/// so its maximum x lies at the ellipse's rightmost point or at the nearer row. The left-hand boundary is symmetric.
 class EllipseRows {
   public:
     __device__ explicit EllipseRows(const Splat<float>& s)
         : my_(s.mean.y), inverse_a_(1 / s.a), slope_(-s.b * inverse_a_) {
-        // ac - b^2 cancels for needles, so what the rounding takes from b^2 is added again.
+        // ac - b^2 cancels for needles, so the rounding error of b^2 is added back.
         const float b2 = __fmul_rn(s.b, s.b);
         curvature_ = (__fmaf_rn(s.a, s.c, -b2) + __fmaf_rn(-s.b, s.b, b2)) * inverse_a_;
         reach_ = 2 * touch_threshold(s);
@@ -84,8 +84,8 @@ class EllipseRows {
         float left, right;
         __device__ bool meets(float from, float to) const { return right >= from && left <= to; }
     };
-    /// Returns the least and the largest x of the ellipse between two rows, from its mean on; left > right if it has no
-    /// part there.
+    /// Returns the smallest and largest x of the ellipse between two rows, relative to its mean; left > right if no
+    /// part of it lies between them.
     __device__ Reach between(float y_low, float y_high) const {
         const float from = fmaxf(y_low - my_, -half_height_), to = fminf(y_high - my_, half_height_);
         if (!(from <= to)) return {3e38f, -3e38f};
@@ -100,7 +100,7 @@ class EllipseRows {
     float my_, inverse_a_, slope_, curvature_, reach_, half_height_, extreme_;
 };
 
-/// Finds the tiles [x0, x1) of a row that a splat's ellipse meets.
+/// Finds the tiles [x0, x1) of a row that a splat's ellipse overlaps.
 class TileRows {
   public:
     __device__ TileRows(const Splat<float>& s, const TileRectangle& r)
@@ -114,7 +114,7 @@ class TileRows {
         const EllipseRows::Reach reach = ellipse_.between(low, low + (kCudaTileY - 1));
         if (reach.left > reach.right) return {0, 0};
         const float left = mx_ + reach.left, right = mx_ + reach.right;
-        // Clamped as floating point: an ellipse may reach beyond the range of int.
+        // Clamped as floating point: an ellipse may extend beyond the range of int.
         const int x0 = int(fmaxf(ceilf((left - (kCudaTileX - 0.5f)) * (1.0f / kCudaTileX)), float(x0_)));
         const int x1 = int(fminf(floorf((right - 0.5f) * (1.0f / kCudaTileX)), float(x1_ - 1))) + 1;
         return {x0, x1 > x0 ? x1 : x0};
@@ -126,15 +126,15 @@ class TileRows {
     int x0_, x1_;
 };
 
-/// Returns the span of row y + lane; rows from y_end on have empty spans. There is one copy of this code: counting and
-/// writing the instances of large Gaussians must agree bit for bit, or slots stay unwritten.
+/// Returns the span of row y + lane; rows from y_end on have empty spans. There is only one copy of this code: counting
+/// and writing the instances of large Gaussians must agree bit for bit, or slots stay unwritten.
 __device__ __noinline__ inline TileRows::Span span_of_lane(const PackedSplat& p, int y, int y_end) {
     const TileRectangle r(p.bounds());
     const int ty = y + int(threadIdx.x & 31);
     return ty < y_end ? TileRows(p.splat(), r).row(ty) : TileRows::Span{0, 0};
 }
 
-/// A part of the work on tiles: a tile, or of one with a long list a quarter of each of its sub-tiles.
+/// A unit of work on tiles: a whole tile or, if its list is long, a quarter of each of its sub-tiles.
 struct TileItem {
     std::uint32_t word = kNone;
 
@@ -148,26 +148,28 @@ struct TileItem {
     __device__ int quarter() const { return int(word & 3); }
     __device__ bool is_first_of_tile() const { return !is_none() && quarter() == 0; }
 };
-/// A tile with more than this part of a view's instances is worked on in quarters, which also is the most of such
-/// tiles. Quarters are more work together, but end sooner: with 320, 450, 640 and 1280 the forward pass took 0.163,
-/// 0.155, 0.168 and 0.202 ms on lego (0.175 without) and 0.284, 0.275, 0.280 and 0.307 ms on bonsai (0.329).
+/// A tile with more than 1/kMostQuartered of a view's instances is processed in quarters, so there are at most this
+/// many such tiles. Quarters are more work in total, but end sooner: with 320, 450, 640 and 1280 the forward pass took
+/// 0.163, 0.155, 0.168 and 0.202 ms on lego (0.175 without) and 0.284, 0.275, 0.280 and 0.307 ms on bonsai (0.329).
 inline constexpr int kMostQuartered = 450;
 
-/// The instances of a view in the order of blending. All pointers are on the device.
+/// The instances of a view in blending order. All pointers are on the device.
 struct CudaBins {
     int tiles_x = 0, tiles_y = 0;
-    /// The Gaussians by tile and depth; slots instead where `gaussians` is set.
+    /// Gaussians by tile and depth; slots instead if `gaussians` is set.
     const std::uint32_t* instances = nullptr;
-    const std::uint32_t* gaussians = nullptr;     ///< Gaussian of each slot; only where the order of sums is fixed
+    const std::uint32_t* gaussians = nullptr;     ///< Gaussian of each slot; set only if sums have a fixed order
     const std::uint32_t* tile_offsets = nullptr;  ///< (tiles+1)
-    /// (num_items()): those that take longest first (about in order), so that no long list is left for last; then none.
+    /// (num_items()) work items, longest first (approximately), so that no long list is left for last; then empty
+    /// items.
     const TileItem* longest_first = nullptr;
 
     __host__ __device__ int num_tiles() const { return tiles_x * tiles_y; }
     int num_items() const { return num_tiles() + 3 * (num_tiles() < kMostQuartered ? num_tiles() : kMostQuartered); }
 };
 
-/// The slots of each Gaussian, which are consecutive: those of the k-th Gaussian in depth order end at slot_ends[k].
+/// The slots of each Gaussian, which are consecutive: the slots of the k-th Gaussian in depth order end at
+/// slot_ends[k].
 struct SlotMap {
     const std::uint32_t *order, *slot_ends;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A splat, which is a Gaussian on screen as blending needs it, and the gradients that blending returns.
+// A splat, which is a Gaussian on screen in the form for blending, and the gradients that blending returns.
 #pragma once
 
 #include "kernels/base/lanes.h"
@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// A Gaussian on screen as blending needs it.
+/// A Gaussian on screen in the form for blending.
 template <class T> struct Splat {
     Vec2<T> mean;   ///< pixels
     T a, b, c;      ///< conic: inverse of the dilated 2-D covariance [[a,b],[b,c]]
@@ -32,8 +32,8 @@ template <class Real> GS_HD Real splat_threshold(Real opacity, Real inverse_alph
     return gs_max(gs_log(inverse_alpha * opacity), Real(0));
 }
 
-/// Returns the threshold of the touch tests. It is widened by more than the rounding of the power in float, and by too
-/// little to cost time.
+/// Returns the threshold of the touch tests. It is larger than the splat's own by more than the rounding error of the
+/// power in float, and by too little to cost time.
 template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) {
     return s.threshold * Real(1.0001) + Real(1e-3);
 }
@@ -46,8 +46,8 @@ template <class T> struct SplatGradient {
     Vec3<T> color;  ///< after the colour activation
 };
 
-/// The sums of one splat over its pixels; h = -alpha dL/dalpha. r, g and b are sums of w dL/dpixel, w = alpha times the
-/// transmittance: with dL/dpixel = 1 they are the splat's blending weights.
+/// The sums of one splat over its pixels, with h = -alpha dL/dalpha. r, g and b are sums of w dL/dpixel, where w is
+/// alpha times the transmittance: with dL/dpixel = 1 they are the splat's blending weights.
 template <class P> struct SplatSums {
     P h, hx, hy, hxx, hxy, hyy, r, g, b;
 
@@ -61,7 +61,7 @@ template <class T> GS_HD SplatGradient<T> splat_gradient(const Splat<T>& s, cons
     SplatGradient<T> d;
     d.mean = {s.a * k.hx + s.b * k.hy, s.b * k.hx + s.c * k.hy};
     d.conic = {T(0.5) * k.hxx, T(0.5) * k.hxy, T(0.5) * k.hyy};
-    d.opacity = -k.h / s.opacity;  // dL/do = sum G dL/dalpha and alpha = o G; o >= 1/255, as alpha had to be
+    d.opacity = -k.h / s.opacity;  // dL/do = sum G dL/dalpha and alpha = o G; o >= 1/255, since alpha was
     d.color = {k.r, k.g, k.b};
     return d;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Puts each splat in its place.
+// Writes each splat to its place in the order.
 #include "kernels/splat/splat_order.h"
 
 namespace gs {

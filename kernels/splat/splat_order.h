@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order of the whole model's rows (row_order()) among splats that came from several ranks.
+// The order of the whole model's rows (row_order()) for splats that came from several ranks.
 #pragma once
 
 #include <cstdint>
@@ -19,19 +19,19 @@ struct SplatsOfRank {
     std::int64_t num, num_residuals;
 };
 
-/// Returns a number that grows in the order of row_order(): rows with a residual, row, rank.
+/// Returns a sort key for the order of row_order(): rows with a residual first, then row, then rank.
 GS_HD std::uint64_t order_of_row(const SplatsOfRank& part, std::int64_t k, int rank) {
     const std::uint64_t row = part.rows[k];
     return (std::int64_t(row) < part.num_residuals ? 0 : std::uint64_t(1) << 63) | row << 31 | std::uint64_t(rank);
 }
 
-/// Returns the place of splat `k` of a rank among those of all.
+/// Returns the place of splat `k` of a rank among the splats of all ranks.
 GS_HD std::int64_t place_in_order(const SplatsOfRank* parts, int num_ranks, int rank, std::int64_t k) {
     const std::uint64_t mine = order_of_row(parts[rank], k, rank);
     std::int64_t place = k;
     for (int other = 0; other < num_ranks; ++other) {
         if (other == rank) continue;
-        // The first one after `mine` is looked for between these.
+        // Binary search between these two for the first splat after `mine`.
         std::int64_t begin = 0, end = parts[other].num;
         while (begin < end) {
             const std::int64_t middle = begin + (end - begin) / 2;
@@ -45,8 +45,8 @@ GS_HD std::int64_t place_in_order(const SplatsOfRank* parts, int num_ranks, int 
     return place;
 }
 
-/// Writes the splats of all ranks in the order of row_order(). `rows` has those of each part, ascending, and
-/// `of_ranks` how many rows each rank has. Does its work on the host, wherever the arrays lie.
+/// Writes the splats of all ranks in the order of row_order(). `rows` holds the rows of each part, ascending, and
+/// `of_ranks` the row counts of each rank. Runs on the host, wherever the arrays lie.
 void order_on_host(const SplatParts& splats, const RowParts& rows, const std::vector<RowCounts>& of_ranks,
                    DeviceArray<WireSplat>& out);
 

@@ -6,19 +6,19 @@
 
 namespace gs {
 
-/// The counters of the step in flight, on the device. All but `stopped` are zeroed before every step.
+/// The counters of the current step, on the device. All except `stopped` are zeroed before every step.
 struct StepControl {
     unsigned long long num_instances;  ///< Gaussian-tile pairs
     unsigned long long num_pairs;      ///< Gaussian-pixel pairs that were blended
     unsigned num_visible;
-    unsigned num_large, num_huge;  ///< Gaussians with more than 32 candidate tiles, by their instances
+    unsigned num_large, num_huge;  ///< number of Gaussians with more than 32 candidate tiles, by instances
     unsigned num_chunks;           ///< chunks of the blend
     unsigned num_nonfinite;        ///< Gaussians whose gradient was left out
     unsigned loss_not_finite;      ///< nonzero if a block's loss sum is not finite; the step then changes nothing
-    unsigned stopped;              ///< set when instances did not fit; no step updates until the host has made room
+    unsigned stopped;              ///< set if instances did not fit; no step updates until the host has made room
 
     __device__ bool takes_no_step() const { return stopped || loss_not_finite; }
 };
-inline constexpr int kControlWords = offsetof(StepControl, stopped) / sizeof(unsigned);  ///< those that are zeroed
+inline constexpr int kControlWords = offsetof(StepControl, stopped) / sizeof(unsigned);  ///< words to zero
 
 }  // namespace gs

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A splat as one rank of a training sends it to the rank that renders its view, and what ranks say to each other of the
-// views of a step.
+// A splat as a rank sends it to the rank that renders its view, and the places of splats in a step's view.
 #pragma once
 
 #include <algorithm>
@@ -13,11 +12,11 @@
 
 namespace gs {
 
-/// The row of a splat that only fills an array.
+/// Row number of a splat that only pads an array.
 inline constexpr std::uint32_t kNowhere = 0xffffffff;
 
-/// The places of the splats of 32 Gaussians in a row in a view: a bit for each Gaussian that has one, and the place of
-/// the first. The others follow it.
+/// The places in a view of the splats of 32 consecutive Gaussians: one bit for each Gaussian that has a splat, and the
+/// place of the first splat. The others follow it.
 struct SplatPlaces {
     std::uint32_t shown, first;
 
@@ -27,16 +26,16 @@ struct SplatPlaces {
 #endif
 };
 
-/// The largest side of an image in pixels whose splats can be sent.
+/// Largest side in pixels of an image whose splats can be sent.
 inline constexpr int kMaxWireSide = 0xffff;
 
-/// What sorting and blending need of a Gaussian in one view.
+/// The data of a Gaussian that sorting and blending of one view need.
 struct alignas(16) WireSplat {
     float mean_x, mean_y;                ///< pixels
     float a, b, c;                       ///< conic, as in Splat
     float opacity;                       ///< activated
     float red, green, blue;              ///< after the colour activation
-    std::uint32_t x_min_max, y_min_max;  ///< the pixels that it may reach: first | end << 16
+    std::uint32_t x_min_max, y_min_max;  ///< pixels that it may reach: first | end << 16
     float depth;                         ///< along the camera's axis, frame units
 
     static GS_HD WireSplat of(const Splat<float>& s, const PixelBounds& b, float depth) {
@@ -59,7 +58,8 @@ struct alignas(16) WireSplat {
     GS_HD Splat<float> splat(float inverse_alpha) const {
         return {{mean_x, mean_y}, a, b, c, opacity, {red, green, blue}, splat_threshold(opacity, inverse_alpha)};
     }
-    /// Returns the pixels that it may reach in an image padded to whole tiles, which differ between backends.
+    /// Returns the pixels that the splat may reach in an image padded to whole tiles, whose size differs between
+    /// backends.
     GS_HD PixelBounds bounds(int width_padded, int height_padded) const {
         return {int(x_min_max & 0xffff), gs_min(int(x_min_max >> 16), width_padded), int(y_min_max & 0xffff),
                 gs_min(int(y_min_max >> 16), height_padded)};
