@@ -21,7 +21,7 @@ namespace gs {
 
 template <class Model> class CpuEngine : public Engine {
   public:
-    /// Takes only the cutoffs of `options`. Every sum has a fixed order here, and images stay where they are.
+    /// Uses only the cutoffs of `options`. Every sum has a fixed order on the CPU, and images are not copied.
     explicit CpuEngine(const EngineOptions& options)
         : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {
         traits_ = {.device = "CPU, " + std::to_string(num_threads()) + " threads", .ceilings = &cpu_ceilings};
@@ -77,7 +77,7 @@ template <class Model> class CpuEngine : public Engine {
         keep_last_steps(r);
         const bool corrected = is_corrected(state_.ppisp, r.isp), corrects = corrected && r.rates.isp > 0;
         const ViewLoss loss = view_loss(r, corrected);
-        ++state_.step;  // skipped steps count too, because a device learns of those too late to leave them out
+        ++state_.step;  // skipped steps count too: a device detects them too late to leave them out
         if (corrects) ++state_.ppisp.step;
         if (!note_loss(loss)) return;
         backward(corrected);
@@ -108,7 +108,7 @@ template <class Model> class CpuEngine : public Engine {
 
     void synchronize() override {}
 
-    MemoryUse memory() override { return {}; }  // the operating system tells the process's memory
+    MemoryUse memory() override { return {}; }  // the operating system reports the process's memory
 
     DensifyStats densify(const DensifyRequest& r) override {
         if (const auto* mcmc = std::get_if<McmcParams>(&r.rule))
@@ -233,7 +233,7 @@ template <class Model> class CpuEngine : public Engine {
         const float mean = 1 / float(num_views);
         const UpdateArgs args = update_args(views[0], state_.step, num_gaussians, num_views);
         update_all(views[0], args, [&](std::int64_t part, const ModelArrays& arrays) {
-            std::vector<std::size_t> at(views.size()), end(views.size());  // splats of the part's rows not yet taken
+            std::vector<std::size_t> at(views.size()), end(views.size());  // not yet taken splats of the part's rows
             for (std::size_t v = 0; v < views.size(); ++v)
                 at[v] = part > 0 ? projected[v].part_ends[part - 1] : 0, end[v] = projected[v].part_ends[part];
             return [&, arrays, at, end](std::int64_t i, Gradient& total, float* dL_dshared) mutable {
@@ -269,22 +269,22 @@ template <class Model> class CpuEngine : public Engine {
                 shared[k] = sum_of_rows(shared_gradients.data(), int(shared_gradients.size()) / row, row, int(k));
         leave_out_common(step_shared(update_args(views[0], state_.step, 1, int(views.size())), shared));
     }
-    /// Reading the clock costs nothing here, so that stages are timed in any step.
+    /// Times stages in any step: reading the clock costs nothing on the CPU.
     std::vector<StageCost> measure_stages(std::optional<int> pass) override {
         if (pass && *pass > 0) return {};
         auto& s = raster_.seconds;
         const double gaussians = work_.gaussians, pairs = work_.pairs;
         const ModelInfo& info = appearance_model(state_.appearance.model);
-        // Of a mixed model the costs of a residual are those of a mean Gaussian.
+        // In a mixed model the cost of a residual is averaged over all Gaussians.
         const double share =
             state_.active_degree > 0 && state_.count > 0 ? double(state_.num_residuals()) / double(state_.count) : 0;
         const double values = 14.0 + share * state_[Group::kResidual].width;  // used parameters of a Gaussian
         const double operations = share * info.operations, operations_backward = share * info.operations_backward;
-        // All have their geometry read; only those in view have their colour read. The sort by depth has three passes,
-        // which read and write a key of 8 bytes, and finds the tiles of a Gaussian by 8 bytes.
+        // The geometry of every Gaussian is read, its colour only if it is in view. The sort by depth has three passes,
+        // which read and write a key of 8 bytes, and finds the tiles of a Gaussian from 8 bytes.
         const double geometry_bytes = 4 * 11, color_bytes = 4 * (values - 11);
-        // The instructions are counted in the templates: fragment_alpha 17 (10 of them for exp2) + blend_fragment 10
-        // forward, fragment_alpha 17 + blend_fragment_backward 32 backward. A splat has 40 bytes, its sums 36.
+        // Instructions as counted in the templates: forward fragment_alpha 17 (10 of them for exp2) + blend_fragment
+        // 10, backward fragment_alpha 17 + blend_fragment_backward 32. A splat has 40 bytes, its sums 36.
         std::vector<StageCost> costs = {
             {"preprocess", s.preprocess, gaussians, "Gaussian",
              gaussians * (geometry_bytes + 4) + work_.visible * (color_bytes + 40 + 4 + 8) + work_.instances * 4,
@@ -305,7 +305,7 @@ template <class Model> class CpuEngine : public Engine {
              work_.moving * 24 * values + work_.instances * 36,
              work_.visible * (500 + operations_backward) + work_.moving * 10 * values,
              "one Gaussian at a time in scalar code; the floor assumes full vectors", true}};
-        // A pixel takes 235 instructions forward (six powers of 25 each), and these again and 300 backward.
+        // A pixel takes 235 instructions forward (six powers of 25 each), and backward the same plus 300.
         if (work_.corrected_pixels > 0)
             costs.push_back({"PPISP", correction_seconds_, work_.corrected_pixels, "pixel",
                              work_.corrected_pixels * 3 * 4 * 5, work_.corrected_pixels * 770,
@@ -324,7 +324,7 @@ template <class Model> class CpuEngine : public Engine {
         stats_.num_nonfinite_common += gradients;
     }
 
-    /// Returns the splats of all parts in a row.
+    /// Returns the splats of all parts in one contiguous array.
     std::span<const WireSplat> in_a_row(const SplatParts& parts) {
         if (parts.size() == 1) return parts[0]->values();
         joined_.clear();
@@ -332,7 +332,7 @@ template <class Model> class CpuEngine : public Engine {
         return joined_;
     }
 
-    /// Renders a view of the model, or of `splats` unless they are null.
+    /// Renders a view of `splats`, or of the model if they are null.
     void forward(const RenderRequest& r, const SplatParts* splats, float* image, float* transmittance) {
         if (splats)
             raster_.forward(in_a_row(*splats), r.camera, r.background, image, transmittance);
@@ -341,7 +341,7 @@ template <class Model> class CpuEngine : public Engine {
                             image, transmittance);
     }
 
-    /// Turns dL_dimage_ into the gradient sums of all splats.
+    /// Computes the gradient sums of all splats from dL_dimage_.
     void backward(bool corrected) {
         if (corrected) {
             const StageTimer timer(correction_seconds_);
@@ -350,7 +350,7 @@ template <class Model> class CpuEngine : public Engine {
         raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
     }
 
-    /// Renders the view into image_ and, if `corrected`, corrects it into corrected_. Makes room in dL_dimage_.
+    /// Renders the view into image_ and, if `corrected`, its corrected image into corrected_. Makes room in dL_dimage_.
     void view_image(const StepRequest& r, bool corrected, const SplatParts* splats = nullptr) {
         const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
         image_.resize(3 * pixels);
@@ -365,7 +365,7 @@ template <class Model> class CpuEngine : public Engine {
         }
     }
 
-    /// Does the same, and leaves the gradient of the loss by the last of these in dL_dimage_.
+    /// Does the same, and writes the gradient of the loss by the final image to dL_dimage_.
     ViewLoss view_loss(const StepRequest& r, bool corrected, const SplatParts* splats = nullptr) {
         view_image(r, corrected, splats);
         const StageTimer timer(loss_seconds_);
@@ -373,7 +373,7 @@ template <class Model> class CpuEngine : public Engine {
                              dL_dimage_.data());
     }
 
-    /// Notes the loss. Returns false if it is not finite, so that the step must be skipped.
+    /// Records the loss. Returns false if it is not finite, so that the step must be skipped.
     bool note_loss(const ViewLoss& loss) {
         stats_.loss = loss.loss, stats_.l1 = loss.l1, stats_.ssim = loss.ssim;
         stats_.num_instances = raster_.num_instances();
@@ -407,7 +407,7 @@ template <class Model> class CpuEngine : public Engine {
         leave_out_common(step_shared(args, sum_shared()));
     }
 
-    /// Begins or ends keeping the step that each Gaussian took last. All are up to date where it begins.
+    /// Starts or stops recording the last step of each Gaussian. All Gaussians are up to date when it starts.
     void keep_last_steps(const StepRequest& r) {
         if (!r.only_visible)
             state_.last_step.clear();
@@ -415,9 +415,9 @@ template <class Model> class CpuEngine : public Engine {
             state_.last_step.assign(state_.count, float(state_.step));
     }
 
-    /// Takes the step of all rows. gradients_of(part, arrays) returns the function that computes the gradient of each
-    /// row of that part in turn, adds that of the shared weights, and returns false if it had to drop one that was not
-    /// finite.
+    /// Takes the step of all rows. gradients_of(part, arrays) returns a function that computes the gradient of each row
+    /// of that part in turn, adds the row's gradient of the shared weights, and returns false if it dropped a gradient
+    /// that was not finite.
     template <class GradientsOf>
     void update_all(const StepRequest& r, const UpdateArgs& args, GradientsOf&& gradients_of) {
         const StageTimer timer(update_seconds_);
@@ -471,7 +471,7 @@ template <class Model> class CpuEngine : public Engine {
         return num_nonfinite;
     }
 
-    /// Takes one step of the residual of Gaussian i; `turns` as in update_gaussian.
+    /// Takes one step of the residual of Gaussian i; for `turns` see update_gaussian.
     static void update_residual(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, float turns,
                                 const float* dL_dresidual) {
         const int k = int(Group::kResidual), width = a.width[k];
@@ -497,17 +497,17 @@ template <class Model> class CpuEngine : public Engine {
     ImageLoss<float> loss_;
     ViewCorrection correction_;
     std::vector<float> image_, transmittance_, dL_dimage_;
-    std::vector<float> corrected_;   ///< image_ after PPISP, where PPISP is active
+    std::vector<float> corrected_;   ///< image_ after PPISP, if PPISP is active
     std::vector<float> dL_dshared_;  ///< (parts, shared weights), so that the sum has a fixed order
     std::vector<std::int64_t> nonfinite_;
     StepStats stats_;
     struct {
         CameraParams<float> camera;
         RenderMode mode;
-    } projection_{};  ///< that was begun
+    } projection_{};  ///< the projection begun
     std::deque<std::vector<ViewReport>> unread_reports_;
-    StepDecision decision_ = StepDecision::kTake;  ///< on the last step
-    std::vector<WireSplat> joined_;                ///< of a view, from all ranks
+    StepDecision decision_ = StepDecision::kTake;  ///< decision on the last step
+    std::vector<WireSplat> joined_;                ///< splats of a view, from all ranks
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
     struct {
         double gaussians = 0, visible = 0, moving = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;

@@ -61,7 +61,7 @@ template <class Real, class Model> class CpuRasterizer {
         sort_and_blend(image, transmittance);
     }
 
-    /// Renders a view of ready splats in the same way. They take the place of Gaussians in what is kept.
+    /// Renders a view of given splats in the same way. The splats replace Gaussians in the kept results.
     void forward(std::span<const WireSplat> splats, const CameraParams<Real>& camera, const Vec3<Real>& background,
                  Real* image, Real* transmittance) {
         begin_view(camera, background, 0);
@@ -131,7 +131,7 @@ template <class Real, class Model> class CpuRasterizer {
     struct FullGradient : GaussianGradient<Real> {
         Real residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1];
 
-        /// Adds a share of another view's gradient, with `width` values of the residual.
+        /// Adds another view's gradient times `share`, with `width` values of the residual.
         void add(const FullGradient& other, Real share, int width) {
             GaussianGradient<Real>::add(other, share);
             for (int k = 0; k < width; ++k) residual[k] += share * other.residual[k];
@@ -141,8 +141,8 @@ template <class Real, class Model> class CpuRasterizer {
     /// Returns whether Gaussian i touches a tile in the last forward().
     bool is_visible(std::int64_t i) const { return bins_.count[i] > 0; }
 
-    /// Computes the gradients of Gaussian i, and adds those of shared weights. `params` are those of forward().
-    /// Thread-safe.
+    /// Computes the gradients of Gaussian i, and adds its gradients of the shared weights. `params` must be the same as
+    /// in forward(). Thread-safe.
     void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out,
                            Real* dL_dshared) const {
         out = {};
@@ -151,7 +151,7 @@ template <class Real, class Model> class CpuRasterizer {
                                  static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
     }
 
-    /// Returns the sums over pixels of Gaussian i after backward(); 0 if no tile has it. Thread-safe.
+    /// Returns the sums of Gaussian i over pixels after backward(); 0 if it touches no tile. Thread-safe.
     SplatSums<Real> sums(std::int64_t i) const {
         SplatSums<Real> sum{};
         if (!is_visible(i)) return sum;
@@ -164,7 +164,7 @@ template <class Real, class Model> class CpuRasterizer {
         return sum;
     }
 
-    /// Returns the sums over pixels of dL/dcolour of Gaussian i after backward(); 0 if no tile has it. Thread-safe.
+    /// Returns the sum over pixels of dL/dcolour of Gaussian i after backward(); 0 if it touches no tile. Thread-safe.
     Vec3<Real> color_gradient(std::int64_t i) const {
         Vec3<Real> out{0, 0, 0};
         if (!is_visible(i)) return out;
@@ -172,7 +172,7 @@ template <class Real, class Model> class CpuRasterizer {
         for (std::uint32_t k = 0; k < bins_.count[i]; ++k) out += Vec3<Real>{s[k].r, s[k].g, s[k].b};
         return out;
     }
-    /// Returns the colour in which the last forward() showed Gaussian i. Undefined if no tile has it.
+    /// Returns the colour of Gaussian i in the last forward(). Undefined if it touches no tile.
     Vec3<Real> color(std::int64_t i) const { return splats_[i].color; }
 
     /// Adds the scores of the last forward(), whose mode must be kFull, to `scores` (Gaussians).
@@ -189,7 +189,7 @@ template <class Real, class Model> class CpuRasterizer {
         });
     }
 
-    /// Replaces the image of the last forward() by the medians of its pixels (RenderRequest::median).
+    /// Replaces the image of the last forward() by the median colours of its pixels (RenderRequest::median).
     void write_medians(Real* image) const {
         parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
             median_tile(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image);
@@ -238,8 +238,8 @@ template <class Real, class Model> class CpuRasterizer {
         });
     }
 
-    /// Makes splats_ and bins_ of `count` Gaussians; add(first, end, bin) calls add_instances for those of a batch that
-    /// may touch a tile.
+    /// Fills splats_ and bins_ for `count` Gaussians; add(first, end, bin) calls add_instances for the Gaussians of a
+    /// batch that may touch a tile.
     template <class Add> void fill_bins(std::int64_t count, Add&& add) {
         const std::int64_t parts = num_parts(count);
         bins_.parts.resize(parts);
@@ -262,7 +262,7 @@ template <class Real, class Model> class CpuRasterizer {
         });
     }
 
-    /// Adds the tiles that splats_[i] touches. Returns whether there are any.
+    /// Adds the tiles that splats_[i] touches. Returns whether it touches any.
     bool add_instances(std::int64_t i, const PixelBounds& bounds, Real depth, BinningInput::Part& bin) {
         bins_.first[i] = static_cast<std::uint32_t>(bin.tiles.size());
         bins_.count[i] = add_tiles(splats_[i], bounds, tiles_x_, bin.tiles);
@@ -308,11 +308,11 @@ template <class Real, class Model> class CpuRasterizer {
         std::vector<WireSplat> splats;
         std::vector<std::uint32_t> rows;
     };
-    std::vector<ProjectedPart> projected_parts_;  ///< of project()
+    std::vector<ProjectedPart> projected_parts_;  ///< parts of project()
     std::vector<std::uint16_t> block_masks_;
     std::vector<std::int64_t> processed_;
     std::vector<SplatSums<Real>> sums_;
-    std::vector<Real> score_sums_;  ///< (slots), only where scores are asked for
+    std::vector<Real> score_sums_;  ///< (slots), only if scores are requested
 };
 
 template <class Model> std::vector<double> render_in_double_as(const Gaussians& model, const RenderRequest& request) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host's side of the CUDA engine: lays out memory, launches the stages, repeats steps that did not fit.
+// The host side of the CUDA engine: lays out memory, launches the stages, and repeats steps that did not fit.
 #include "kernels/engines/cuda_engine.h"
 
 #include <algorithm>
@@ -17,11 +17,11 @@
 namespace gs {
 namespace {
 
-/// The largest number of instances of a view. The sort's index of an instance is a signed 32-bit integer.
+/// Largest number of instances of a view. The sort's index of an instance is a signed 32-bit integer.
 constexpr unsigned long long kMaxInstances = 0x7fffffff;
-/// The largest side of an image in pixels. Pixel bounds have 16 bits and are padded to whole tiles.
+/// Largest side of an image in pixels. Pixel bounds have 16 bits and are padded to whole tiles.
 constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
-/// The threads of a block that works on single values.
+/// Threads per block of kernels that process single values.
 constexpr int kBlock = 256;
 
 std::uint32_t bits_of(float x) {
@@ -48,7 +48,7 @@ cudaStream_t make_stream() {
     return stream;
 }
 
-/// Returns a group's moments as words of both (packed_moments.h), rounded to nearest.
+/// Returns a group's moments packed as one word per pair (packed_moments.h), rounded to nearest.
 template <class Group> std::vector<float> packed(const Group& group) {
     std::vector<float> words(group.m.size());
     for (std::size_t i = 0; i < words.size(); ++i) {
@@ -58,7 +58,7 @@ template <class Group> std::vector<float> packed(const Group& group) {
     return words;
 }
 
-/// Turns the words in a group's m into both moments.
+/// Unpacks the words in a group's m into both moments.
 template <class Group> void unpack(Group& group) {
     group.v.resize(group.m.size());
     for (std::size_t i = 0; i < group.m.size(); ++i) {
@@ -78,10 +78,10 @@ __global__ void fill_values(std::int64_t n, float value, float* out) {
     if (i < n) out[i] = value;
 }
 
-/// Where the splats of a view need more room than there is, room for a sixteenth more is made.
+/// Divisor of the extra room for splats: if a view needs more room than there is, 1/16 more is allocated.
 constexpr std::int64_t kMoreSplats = 16;
 
-/// Returns room for so many instances and some more.
+/// Returns the room to allocate for so many instances, with a margin.
 std::int64_t room_for(std::int64_t num_instances) {
     return std::min(num_instances + num_instances / 4 + 1024, std::int64_t(kMaxInstances));
 }
@@ -125,7 +125,7 @@ void CudaEngine::upload(const Gaussians& state) {
     abandon_steps();  // they belong to the old model
     stats_ = {};
     model_.count = model_.without_residual = 0;
-    model_.broken = true;  // stays so if there is no memory
+    model_.broken = true;  // stays true if memory runs out
     meta_ = Gaussians{};
     meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
     for (int g = 0; g < kNumGroups; ++g) {
@@ -205,12 +205,12 @@ Gaussians CudaEngine::download(Download what) {
 
 void CudaEngine::set_active_degree(int degree) {
     if (degree == meta_.active_degree) return;
-    synchronize();  // a repeated step must see the degree that it began with
+    synchronize();  // a repeated step must see the degree with which it began
     meta_.active_degree = degree;
 }
 
 void CudaEngine::upload_ppisp(const PpispState& state) {
-    synchronize();  // a repeated step must see the PPISP that it began with
+    synchronize();  // a repeated step must see the PPISP with which it began
     GS_CUDA(cudaStreamSynchronize(stream_));
     ppisp_.upload(state);
     sizes_ = {};  // PPISP takes some of the scratch block
@@ -240,14 +240,14 @@ void CudaEngine::take(Carver& c, const Sizes& sizes) {
     transmittance_ = c.take<float>(pixels);
     ppisp_.take(c, sizes.width, sizes.height, for_step);
     binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
-    // The buffers that only binning uses share their place with those that are needed only after it.
+    // Buffers used only by binning share memory with buffers that are needed only after it.
     std::size_t at = c.at();
     const std::size_t input_end = binning_.take_temporaries(c);
     if (sizes.placed > 0) {
         // Splats are read before the sort writes here.
         c.rewind(std::max(input_end, sizes.splats_from));
         wire_.splats = c.take<WireSplat>(std::size_t(sizes.placed));
-        // When sums are packed only those of this view are read, which lie behind them.
+        // When sums are packed, only the sums of this view are read, which lie behind them.
         c.rewind(sizes.sums_from);
         wire_.sums = c.take<SplatSums<float>>(std::size_t(sizes.placed));
         wire_.sums_end = c.at();
@@ -256,7 +256,7 @@ void CudaEngine::take(Carver& c, const Sizes& sizes) {
     if (!for_step) return;
     c.rewind(at);
     sums_ = c.take<PackedSums>(sizes.n);
-    // In a fixed order sums are written, not added to, and nobody reads those of invisible Gaussians.
+    // In a fixed order sums are written, not added to, and the sums of invisible Gaussians are never read.
     blend_.take(c, sizes.capacity, tiles, sums_, options_.deterministic ? 0 : sizes.n);
     if (kernels_.shared.count > 0) take_shared_sums();
     if (options_.separate_appearance && kernels_.directional) {
@@ -271,8 +271,9 @@ void CudaEngine::take(Carver& c, const Sizes& sizes) {
 
 void CudaEngine::lay_out(const Sizes& sizes) {
     if (sizes == sizes_) return;
-    sizes_ = {};  // stays empty if there is no memory
-    // Ranks have as many splats as a view shows, and would make room again and again. That for a model changes with it.
+    sizes_ = {};  // stays empty if memory runs out
+    // The number of splats varies with the view, and would force new allocations again and again. The room for a model
+    // changes only with the model.
     Sizes some_more = sizes;
     if (sizes.n != model_.count)
         some_more.n = std::max(sizes.n, std::min(sizes.n + sizes.n / kMoreSplats, wire_.num_gaussians));
@@ -301,7 +302,7 @@ void CudaEngine::lay_out_view(const CameraParams<float>& camera, std::int64_t n,
         try_capacity();
     } catch (const DeviceError&) {
         if (needed_ >= capacity_) throw;
-        capacity_ = std::max<std::int64_t>(needed_, 1);  // there was no memory for room ahead of need
+        capacity_ = std::max<std::int64_t>(needed_, 1);  // there was no memory for more than is needed
         try_capacity();
     }
 }
@@ -390,7 +391,7 @@ void CudaEngine::make_room(unsigned long long num_instances) {
                           "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg "
                           "or render at a lower --resolution");
     needed_ = std::max(needed_, std::int64_t(num_instances));
-    // There may be room that the forecast did not grant the view.
+    // The room may already suffice, if the forecast granted the view less.
     if (std::int64_t(num_instances) > capacity_) capacity_ = room_for(std::int64_t(num_instances));
 }
 
@@ -416,7 +417,8 @@ CudaBins CudaEngine::forward_whole(const std::function<CudaBins()>& enqueue) {
         bins = enqueue();
         read_status();
     } while (statuses_->stopped);
-    // A single close view must not slow down further training. Less than before is all that there is memory for.
+    // A single close view must not slow down further training. If capacity_ is less than before, that is all that
+    // memory allows.
     if (for_steps) capacity_ = std::min(capacity_, for_steps);
     return bins;
 }
@@ -469,7 +471,7 @@ std::optional<double> CudaEngine::time_frames(const std::vector<RenderRequest>& 
     const std::int64_t for_steps = capacity_;
     std::int64_t most = 1;
     for (const RenderRequest& view : views) {
-        render(view, nullptr, image);  // warms up, and finds the room that a view needs
+        render(view, nullptr, image);  // warms up, and finds the room for a view
         most = std::max(most, std::int64_t(statuses_->num_instances));
     }
     capacity_ = most;
@@ -524,7 +526,7 @@ void CudaEngine::distill(const StepRequest& r, const SplatParts* splats) {
     check_distillation(ppisp_.host(), r.isp);
     if (splats) return distill_splats(*splats, r);
     while (in_flight_.size() >= kInFlight) finish_oldest();
-    if (in_flight_.empty() || in_flight_.back().adam_step) settle();  // residuals must have taken all steps
+    if (in_flight_.empty() || in_flight_.back().adam_step) settle();  // residuals must be up to date
     Step s;
     s.request = r;
     if (r.rates.isp > 0) s.controller_step = ppisp_.begin_controller_step();
@@ -622,10 +624,10 @@ void CudaEngine::enqueue_gaussians(const Step& s, const PreprocessArgs& args, co
 void CudaEngine::adapt_room(std::int64_t num_instances) {
     needed_ = std::max(needed_, num_instances);
     if (num_instances > capacity_) capacity_ = room_for(num_instances);
-    // Room is made ahead of need.
+    // Allocates room ahead of need.
     if (num_instances > capacity_ / 10 * 9)
         capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances));
-    // What was not needed for a while is given up: new views sort all of the room.
+    // Gives up room that was not needed for a while: all of the room is sorted in every new view.
     const auto recent = recent_instances_.add(num_instances);
     if (recent && capacity_ > *recent / 2 * 3) capacity_ = room_for(*recent);
 }
@@ -682,7 +684,7 @@ StepStats CudaEngine::take_stats() {
     StepStats out = stats_;
     stats_.steps = 0;
     stats_.num_nonfinite_gradients = 0;
-    // Steps on splats count on the device. Whoever takes them asks once it is idle.
+    // Steps on splats count on the device. The caller reads the counts once the device is idle.
     if (wire_.left_out.get() && !wire_.is_updating) {
         unsigned counts[2];
         device_stream_.copy(counts, wire_.left_out.get(), sizeof counts);
@@ -698,7 +700,7 @@ std::vector<StageCost> CudaEngine::measure_stages(std::optional<int> pass) {
     const bool continues = std::exchange(times_.pass, pass) && pass && *pass > 0;
     if (continues) return {};
     const ModelInfo& info = appearance_model(meta_.appearance.model);
-    // Of a mixed model the costs of a residual are those of a mean Gaussian.
+    // In a mixed model the cost of a residual is averaged over all Gaussians.
     const double share =
         meta_.active_degree > 0 && model_.count > 0 ? double(model_.num_residuals()) / double(model_.count) : 0;
     std::vector<StageCost> costs = times_.take({.width = share * model_.width[int(Group::kResidual)],
@@ -718,8 +720,8 @@ MemoryUse CudaEngine::memory() {
                 {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
     if (ppisp_.host().active())
         use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
-    // The next rows divide the scratch block of a step by the items that its parts grow with. Stages share places, so
-    // the parts need not add up to it.
+    // The next rows split the scratch block of a step by the items with which its parts grow. Stages share memory, so
+    // the parts need not add up to the block's size.
     const Sizes all{Layout::kStep, std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1),
                     std::max(largest_width_, 1), std::max(largest_height_, 1)};
     const auto bytes = [&](const Sizes& sizes) { return std::int64_t(bytes_of(sizes)); };
@@ -769,7 +771,7 @@ TargetImage CudaEngine::enqueue_half_squared_error(const StepRequest& r, double*
 std::optional<ResidualScores> CudaEngine::residual_scores(std::size_t num_views, const StepSource& step_on) {
     settle();
     const std::int64_t n = model_.count;
-    // So that a choice needs no more memory than training.
+    // Borrows memory, so that the selection needs no more memory than training.
     const CudaImages::BorrowedMemory borrowed(images_, CudaResidualScores::bytes(model_.num_residuals()));
     CudaResidualScores scores(model_.num_residuals(), stream_);
     const auto params = [&] { return preprocess_args({}, RenderMode::kFull, {}).params; };
@@ -789,7 +791,7 @@ std::optional<ResidualScores> CudaEngine::residual_scores(std::size_t num_views,
         write_mask_weights(target, dL_dimage_, stream_);
         backward();
         scores.add(params(), binning_.input().counts, splats_, sums_);
-        GS_CUDA(cudaStreamSynchronize(stream_));  // the next image may take this one's place
+        GS_CUDA(cudaStreamSynchronize(stream_));  // the next image may reuse this memory
     }
     return residual_scores_of(scores.download(), meta_.appearance.activation,
                               download(Download::kBases)[Group::kBase].param);
@@ -817,7 +819,7 @@ PruneStats CudaEngine::prune(const PruneRequest& request) {
         change_rows([&](CudaDensify& d) { return d.keep_rows(but->rows), 0; });
     } else {
         stats.removed = change_rows([](CudaDensify& d) { return d.prune_invisible(); });
-        // No Gaussians will come in their place.
+        // No new Gaussians will replace them.
         scratch_.release();
         model_.shrink_rows();
     }

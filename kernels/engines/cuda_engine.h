@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA engine: one stream of steps, with the host running ahead of it. Only .cu files include this header.
 //
-// The host never waits inside a step, whose kernels are launched as one graph. A capacity bounds the sizes that it
-// cannot know (the number of instances of a view), and a forecast what of it a view is likely to need. A step that does
-// not fit changes nothing, and neither do those after it. Up to three steps later the host reads this in the step's
-// status, makes room and repeats them.
+// The host never waits inside a step, whose kernels are launched as one graph. It does not know the number of instances
+// of a view, so a capacity bounds that number, and a forecast sets the part of it that a view is likely to need. A step
+// that does not fit changes nothing, and neither do later steps. Up to three steps later the host reads this in the
+// step's status, makes room and repeats these steps.
 #pragma once
 
 #include <deque>
@@ -26,7 +26,7 @@
 
 namespace gs {
 
-/// The report of a step, which the device writes into the host's memory.
+/// The report of a step, which the device writes into host memory.
 struct StepStatus {
     unsigned long long num_instances, num_pairs;
     double l1_sum, ssim_sum;  ///< over pixels and channels
@@ -39,7 +39,7 @@ class CudaEngine final : public Engine {
     CudaEngine(const ModelKernels& kernels, const EngineOptions& options);
     ~CudaEngine() override;
 
-    // the model
+    // model
     MemoryUse memory() override;
     void synchronize() override;
     void upload(const Gaussians& state) override;
@@ -85,8 +85,8 @@ class CudaEngine final : public Engine {
     void take_back(std::int64_t num_views) override;
 
   private:
-    /// The largest number of steps whose status has not been read. With three the device is never idle while the host
-    /// prepares the next.
+    /// Largest number of steps with unread status. With three, the device is never idle while the host prepares the
+    /// next.
     static constexpr int kInFlight = 3;
 
     struct Step {
@@ -99,7 +99,7 @@ class CudaEngine final : public Engine {
         LazyArgs lazy{};
         int slot = 0;
     };
-    /// What the host has not read yet of a step on several views.
+    /// Data of a step on several views that the host has not read yet.
     struct PendingDecision {
         PendingDecision() { GS_CUDA(cudaEventCreateWithFlags(&made, cudaEventDisableTiming)); }
         ~PendingDecision() { cudaEventDestroy(made); }
@@ -107,96 +107,96 @@ class CudaEngine final : public Engine {
         std::size_t num_reports = 0;
         cudaEvent_t made = nullptr;
     };
-    /// What the scratch block holds. Projections are those of a rank's own Gaussians, whose instances other ranks sort;
-    /// the sums of shared weights' gradients are those of a step on several views.
+    /// Contents of the scratch block. Projections are of a rank's own Gaussians, whose instances other ranks sort; the
+    /// sums of the shared weights' gradients belong to a step on several views.
     enum class Layout { kProjection, kFrame, kStep, kSharedSums };
-    /// The sizes that the scratch block is laid out for.
+    /// The sizes for which the scratch block is laid out.
     struct Sizes {
         Layout layout = Layout::kFrame;
         std::int64_t n = 0, capacity = 0;
         int width = 0, height = 0;
-        std::int64_t placed = 0;  ///< splats that lie in the block in wire format, and later their sums
-        std::size_t splats_from = 0, sums_from = 0;  ///< the least places of these in bytes
+        std::int64_t placed = 0;  ///< splats stored in the block in wire format, and later their sums
+        std::size_t splats_from = 0, sums_from = 0;  ///< smallest offsets of these, in bytes
         bool operator==(const Sizes&) const = default;
     };
 
     /// Takes all buffers of a layout from the scratch block.
     void take(Carver& c, const Sizes& sizes);
     void lay_out(const Sizes& sizes);
-    /// Lays out a view of `n` splats, with less room for instances if there is no memory for what is made ahead of
-    /// need. Throws DeviceError if the view is too large.
+    /// Lays out a view of `n` splats. Reduces the room for instances if there is no memory for more than is needed.
+    /// Throws DeviceError if the view is too large.
     void lay_out_view(const CameraParams<float>& camera, std::int64_t n, bool for_backward);
-    /// Returns the bytes of the scratch block that such sizes take.
+    /// Returns the bytes of the scratch block for these sizes.
     std::size_t bytes_of(const Sizes& sizes);
     /// Lays out a step, and launches its kernels.
     void enqueue(const Step& step);
-    /// Enqueues all kernels of a step that is laid out, down to its report.
+    /// Enqueues all kernels of a laid-out step, up to its report.
     void enqueue_kernels(const Step& step, const ModelArrays& arrays);
     /// Enqueues the part after the loss: the Gaussians' gradients and their optimizer step.
     void enqueue_gaussians(const Step& step, const PreprocessArgs& args, const CudaBins& bins,
                            const ModelArrays& arrays);
-    /// Puts a step in flight, where it stays if it could be enqueued.
+    /// Puts a step in flight. It stays in flight only if it could be enqueued.
     void launch(Step step, const TargetImage& target);
-    /// Enqueues the forward pass of `n` splats, which fill() writes with all that binning reads, once their buffers are
-    /// laid out. It stops if there are more than `most` instances.
+    /// Enqueues the forward pass of `n` splats. Once their buffers are laid out, fill() writes them with all input of
+    /// binning. The pass stops if there are more than `most` instances.
     CudaBins enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
                             bool for_backward, const std::function<void()>& fill,
                             std::int64_t most = std::numeric_limits<std::int64_t>::max());
     /// Enqueues the forward pass, and completes `args` with the buffers that it lays out.
     CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward,
                              std::int64_t most = std::numeric_limits<std::int64_t>::max());
-    /// Enqueues a view, making room until it fits, and waits. A view of the engine's own Gaussians takes all missed
-    /// steps first.
+    /// Enqueues a view, making room until it fits, and waits. For a view of the engine's own Gaussians, applies all
+    /// missed steps first.
     CudaBins forward_whole(const std::function<CudaBins()>& enqueue);
     CudaBins forward_whole(const RenderRequest& request, bool for_backward = false);
     CudaBins forward_whole(const SplatParts& splats, const RenderRequest& request, bool for_backward);
-    /// Corrects the image of the last forward pass, if the request asks for it, and copies it to the host.
+    /// Corrects the image of the last forward pass, if requested, and copies it to the host.
     void finish_image(const RenderRequest& request, RenderedImage& out);
     /// Writes the gradient of half the squared error of a rendered training view to dL_dimage_. Adds that error to
-    /// *error, on the device, unless that is null. Returns the target.
+    /// *error, on the device, unless `error` is null. Returns the target.
     TargetImage enqueue_half_squared_error(const StepRequest& r, double* error);
-    /// Enqueues the loss of the view that was rendered last, down to the gradient of the rendered image.
+    /// Enqueues the loss of the last rendered view, up to the gradient of the rendered image.
     void enqueue_loss(const StepRequest& r, const DeviceTarget& target);
-    /// Turns dL_dimage_ into the sums of the view's `n` splats. With a fixed order, those without an instance are
-    /// undefined.
+    /// Computes the sums of the view's `n` splats from dL_dimage_. With a fixed order, sums of splats without an
+    /// instance are undefined.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
-    /// Decides on a step on the device, by the reports on its views.
+    /// Decides on a step on the device, from the reports on its views.
     void decide(const DeviceArray<ViewReport>& reports);
-    /// Returns the reports of the oldest decision that was not read.
+    /// Returns the reports of the oldest unread decision.
     std::vector<ViewReport> read_decision();
     /// Trains a controller on a view of splats from all ranks.
     void distill_splats(const SplatParts& splats, const StepRequest& r);
-    /// Enqueues the forward pass of splats that came from ranks.
+    /// Enqueues the forward pass of splats received from ranks.
     CudaBins enqueue_forward(const SplatParts& splats, const RenderRequest& request, bool for_backward,
                              std::int64_t most = std::numeric_limits<std::int64_t>::max());
-    /// Turns dL_dimage_ into sums of all splats that came, also of those that no tile of this device needs.
+    /// Computes the sums of all received splats from dL_dimage_, including splats in no tile of this device.
     void enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins);
-    /// Writes these sums as they are sent.
+    /// Writes these sums in the format for sending.
     void pack_sums_of_splats(const SumParts<SplatSums<float>>& sums);
-    /// Notes the loss of a step in stats_.
+    /// Records the loss of a step in stats_.
     void note_loss(const StepStatus& status, const LossWeights& weights, double weight_sum);
-    /// Begins or ends keeping the step that each Gaussian took last. All are up to date where it begins.
+    /// Starts or stops recording the last step of each Gaussian. All Gaussians are up to date when it starts.
     void keep_last_steps(const StepRequest& r);
     /// Returns the arrays of the model that a step uses.
     ModelArrays arrays_of_step(const StepRequest& r);
-    /// Lets the device write what has become of the work in the stream, with the loss if it has one.
+    /// Makes the device write the status of the work in the stream, with the loss if it has one.
     void report_to(int slot, const CudaLossSums& loss);
-    /// Waits, and returns what has become of the work in the stream.
+    /// Waits, and returns the status of the work in the stream.
     const StepStatus& read_status(const CudaLossSums& loss = {});
-    /// Waits for the oldest step in flight and takes its status. Repeats the steps that were stopped.
+    /// Waits for the oldest step in flight and reads its status. Repeats the steps that were stopped.
     void finish_oldest();
     void make_room(unsigned long long num_instances);
-    /// Adapts the room for instances to that of a view of the training.
+    /// Adapts the room for instances to the number in a training view.
     void adapt_room(std::int64_t num_instances);
-    /// Takes back the counts of a step that never took place.
+    /// Subtracts a step that never took place from the counts.
     void forget(const Step& step);
-    /// Forgets all steps in flight, none of which has changed anything.
+    /// Discards all steps in flight, none of which has changed anything.
     void abandon_steps();
     PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const;
     /// Returns the arguments of a frame of up-to-date rows (settle()).
     PreprocessArgs frame_args(const RenderRequest& request);
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
-    /// Changes the set of rows by fn(), after all rows have taken all steps.
+    /// Changes the set of rows by fn(), after all rows are up to date.
     template <class Fn> auto change_rows(Fn fn);
     /// Waits for all steps, then applies the deferred residual steps.
     void settle();
@@ -216,7 +216,7 @@ class CudaEngine final : public Engine {
 
     Scratch scratch_;
     Sizes sizes_;
-    std::int64_t capacity_ = 0, needed_ = 0;  ///< number of instances that there is room for, and that were seen
+    std::int64_t capacity_ = 0, needed_ = 0;  ///< number of instances that fit, and largest number seen
     RecentMost recent_instances_;
     InstanceForecast forecast_;
     int largest_width_ = 0, largest_height_ = 0;  ///< largest sides of any view so far
@@ -229,28 +229,28 @@ class CudaEngine final : public Engine {
     CudaBlend blend_;
     CudaLoss loss_;
 
-    /// What only a training over several ranks uses (cuda_engine_splats.cu).
+    /// State used only in training over several ranks (cuda_engine_splats.cu).
     struct {
-        CameraParams<float> camera{};  ///< of the projection that was begun
+        CameraParams<float> camera{};  ///< camera of the projection begun
         bool for_step = false;
-        std::uint32_t* rows = nullptr;  ///< of its splats
+        std::uint32_t* rows = nullptr;  ///< rows of its splats
         DeviceBuffer<std::int64_t> num_rows;
         DeviceBuffer<unsigned char> cub;
-        WireSplat* splats = nullptr;  ///< those that lie in the scratch block
+        WireSplat* splats = nullptr;  ///< splats in the scratch block
         SplatSums<float>* sums = nullptr;
-        std::int64_t placed = 0;  ///< of the view that is rendered next, as in Sizes
+        std::int64_t placed = 0;  ///< number for the next view to render, as in Sizes
         std::size_t splats_from = 0, sums_from = 0, sums_end = 0;
         DeviceBuffer<SplatsOfView> views;
-        DeviceBuffer<SplatsOfRank> parts;  ///< of a view whose splats are put in order
-        /// The last steps', since they must stay while they are copied. What was enqueued before a decision that was
-        /// read is done, and that is one of the last two.
+        DeviceBuffer<SplatsOfRank> parts;  ///< parts of a view whose splats are put in order
+        /// Views of the last steps, kept while they are copied. Work enqueued before a decision that was read is done,
+        /// and that decision is one of the last two.
         std::vector<SplatsOfView> host_views[kInFlight];
         int next_views = 0;
-        DeviceBuffer<unsigned> left_out;      ///< since take_stats(): Gaussians' gradients, shared weights'
-        std::int64_t num_gaussians = 0;       ///< of all ranks, in the last step
-        bool is_updating = false;             ///< the device may still be at work on a step
-        DeviceBuffer<StepDecision> decision;  ///< on the last step, or that an earlier one has to be repeated
-        std::deque<std::unique_ptr<PendingDecision>> unread, read;  ///< in order, and those whose memory is free
+        DeviceBuffer<unsigned> left_out;      ///< since take_stats(): Gaussians' gradients, shared weights' gradients
+        std::int64_t num_gaussians = 0;       ///< number on all ranks, in the last step
+        bool is_updating = false;             ///< whether the device may still be busy with a step
+        DeviceBuffer<StepDecision> decision;  ///< decision on the last step, or kRepeat for an earlier one
+        std::deque<std::unique_ptr<PendingDecision>> unread, read;  ///< unread decisions in order, and reusable ones
     } wire_;
 
     DeviceBuffer<StepControl> control_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA engine as one rank of a training: projects its Gaussians for others, renders splats of others, and takes
-// the step of its Gaussians on the sums that come back. Splats and sums are in the device's memory.
+// The CUDA engine as one rank of a training: projects its Gaussians for others, renders splats of others, and updates
+// its Gaussians from the returned sums. Splats and sums are in device memory.
 #include <algorithm>
 #include <utility>
 
@@ -21,8 +21,8 @@ struct IsVisible {
 
 constexpr int kSharedBlock = 128;
 
-/// Takes the step of `n` shared weights on the sum of the gradients of all ranks (num_ranks, row), added up in their
-/// order, if *decision says so. Adds to *left_out the gradients that are not finite.
+/// Takes the step of `n` shared weights on the sum of the gradients of all ranks (num_ranks, row), added up in rank
+/// order, if *decision is kTake. Adds the number of gradients that are not finite to *left_out.
 __global__ void __launch_bounds__(kSharedBlock)
     step_shared_weights(const float* __restrict__ gradients, int num_ranks, int row, int n, float* __restrict__ param,
                         float* __restrict__ m, float* __restrict__ v, AdamStep<float> step, AdamGains<float> gains,
@@ -45,7 +45,8 @@ __global__ void __launch_bounds__(kLossSumThreads)
 
 constexpr int kDecisionThreads = 128;
 
-/// Decides on a step by all reports on it, unless an earlier one waits for being repeated, and copies them to the host.
+/// Decides on a step from all reports on it, unless an earlier step has to be repeated, and copies the reports to the
+/// host.
 __global__ void __launch_bounds__(kDecisionThreads)
     decide_step_on_device(const ViewReport* __restrict__ reports, int num_reports, StepDecision* __restrict__ decision,
                           ViewReport* __restrict__ on_host) {
@@ -68,7 +69,7 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 // --- the rank's Gaussians, for other ranks --------------------------------------------------------------------------
 
 void CudaEngine::begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) {
-    // After update_rows() no residual is behind, and what follows is on its stream.
+    // After update_rows() no residual is stale, and later work is on the same stream.
     if (!wire_.is_updating || !in_flight_.empty()) settle();
     const std::int64_t n = model_.count;
     wire_.camera = camera, wire_.for_step = for_step;
@@ -130,7 +131,7 @@ void CudaEngine::order_by_rows(const SplatParts& splats, const RowParts& rows, c
     SplatsOfRank* on_device = wire_.parts.reserve(parts.size());
     device_stream_.copy(on_device, parts.data(), parts.size() * sizeof(SplatsOfRank));
     merge_splats(parts, on_device, out.resize(num_splats(splats)), stream_);
-    device_stream_.wait();  // `parts` and `rows` end here
+    device_stream_.wait();  // `parts` and `rows` are destroyed here
 }
 
 // --- views, of splats from all ranks --------------------------------------------------------------------------------
@@ -170,7 +171,7 @@ void CudaEngine::loss_of_splats(const StepRequest& r, const SplatParts& splats, 
     });
     wire_.placed = 0, wire_.splats_from = wire_.sums_from = 0;
     GS_CUDA(cudaEventRecord(done_[slot], stream_));
-    // Sums may lie where the gradient of PPISP does.
+    // Sums may overlap the gradient of PPISP.
     if (ppisp_.corrects(r.isp) && r.rates.isp > 0) ppisp_.add_gradient(isp_gradient, stream_);
     for (std::size_t part = 0; part < splats.size(); ++part) sums[part]->resize(splats[part]->size());
     pack_sums_of_splats(sums);
@@ -203,7 +204,7 @@ std::vector<ViewReport> CudaEngine::read_decision() {
 std::vector<ViewReport> CudaEngine::read_reports(const std::vector<ImageId>& ids, int rank) {
     const std::vector<ViewReport> reports = read_decision();
     const std::size_t num_ranks = reports.size() / std::max<std::size_t>(ids.size(), 1);
-    for (const bool lacks : {false, true})  // what is made room for last stays
+    for (const bool lacks : {false, true})  // the room made last stays
         for (std::size_t k = 0; k < ids.size(); ++k) {
             const std::size_t renderer = k % num_ranks;
             const ViewReport& report = reports[renderer * ids.size() + k];
@@ -231,8 +232,8 @@ void CudaEngine::take_back(std::int64_t num_views) {
 void CudaEngine::enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins) {
     const auto n = std::int64_t(num_splats(splats));
     if (n == 0) return;
-    // In a fixed order only splats with an instance are written. Here all are read, and a splat that its owner saw at
-    // the edge of a tile may have none.
+    // With a fixed order only splats with an instance are written. Here all splats are read, and a splat that its owner
+    // saw at the edge of a tile may have no instance.
     if (options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
     enqueue_sums(r, n, bins);
 }
@@ -312,7 +313,7 @@ void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::
     wire_.num_gaussians = num_gaussians;
     keep_last_steps(views[0]);
     meta_.step += std::int64_t(views.size());
-    lazy_.reset(meta_.step);  // no residual is ever behind
+    lazy_.reset(meta_.step);  // no residual is ever stale
     const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
     const int num_shared = kernels_.shared.count, num_views = int(views.size());
     if (num_shared > 0) {
@@ -321,7 +322,7 @@ void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::
     }
     if (!wire_.left_out.get()) GS_CUDA(cudaMemsetAsync(wire_.left_out.reserve(2), 0, 2 * sizeof(unsigned), stream_));
     if (n == 0) return;
-    // It ends before the sums that lie in the scratch block (room_for_splats).
+    // The layout ends before the sums that lie in the scratch block (room_for_splats).
     if (num_shared > 0) lay_out({.layout = Layout::kSharedSums, .n = n});
     std::vector<SplatsOfView>& step_views = wire_.host_views[wire_.next_views];
     wire_.next_views = (wire_.next_views + 1) % kInFlight;
@@ -336,8 +337,8 @@ void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::
                            update_args(views[0], meta_.step, num_gaussians, num_views), std::uint32_t(meta_.step),
                            wire_.decision.get(), wire_.left_out.get(), stream_);
     half_residuals_current_ = false;
-    // Without a residual that is shown the weights have no gradient. If the decision is not to take the step, the rows
-    // are not written, and nobody uses their sum.
+    // If no residual is shown, the weights have no gradient. If the step is not taken, the rows are not written, and
+    // their sum is not used.
     if (num_shared > 0 && num_residuals > 0)
         sum_rows(shared_sums_, int(num_blocks(n, kernels_.shared.gaussians_per_sum)), num_shared,
                  shared_gradient.data(), stream_);

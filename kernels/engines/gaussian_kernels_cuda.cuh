@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels that know the appearance model: projection with colour, and its gradient fused with the optimizer. For
-// comparison there are also kernels of their own for the appearance.
+// The kernels that depend on the appearance model: projection with colour, and its gradient fused with the optimizer.
+// For comparison there are also separate kernels for the appearance.
 #pragma once
 
 #include "appearance/warp_appearance_cuda.cuh"
@@ -11,12 +11,12 @@
 
 namespace gs {
 
-/// The Gaussians of a block of the forward pass, and how many blocks a multiprocessor should hold: on H200 eight with
-/// 64 registers a thread are faster than seven with 72.
+/// Number of Gaussians per block of the forward pass, and target number of blocks per multiprocessor: on H200 eight
+/// blocks with 64 registers a thread are faster than seven with 72.
 inline constexpr int kForwardBlock = 128, kForwardBlocksAtOnce = 8;
 
-/// Loads all of a Gaussian's geometry at once. Left alone, the compiler moves each load to where its value is needed
-/// first, behind the tests of those before, and each waits for memory on its own.
+/// Loads all of a Gaussian's geometry at once. Otherwise the compiler moves each load to the first use of its value,
+/// behind the tests of earlier values, and each load waits for memory separately.
 __device__ inline GaussianGeometry<float> load_geometry(const ParameterView<float>& params, std::int64_t i) {
     GaussianGeometry<float> g = params.geometry(i);
     asm volatile(""
@@ -26,7 +26,7 @@ __device__ inline GaussianGeometry<float> load_geometry(const ParameterView<floa
     return g;
 }
 
-/// Loads a Gaussian's base colour, which the compiler would otherwise ask for where it is needed.
+/// Loads a Gaussian's base colour, which the compiler would otherwise load only at its first use.
 __device__ inline Vec3<float> load_base(const ParameterView<float>& params, std::int64_t i) {
     Vec3<float> base = params.base(i);
     asm volatile("" : "+f"(base.x), "+f"(base.y), "+f"(base.z));
@@ -41,16 +41,16 @@ template <class Model> struct RowMemory {
     std::uint8_t list[32];
 
     /// Begins to load the rows in `mask`. `first` is the warp's first Gaussian. Only forward passes may have residuals
-    /// in half precision; the others are spared the code.
+    /// in half precision; other passes do not contain that code.
     template <bool kForward> __device__ void begin(const PreprocessArgs& a, std::int64_t first, unsigned mask) {
         const int width = a.params.residual_width;
-        if (kForward && a.half_residuals)  // of a model that has taken all steps
+        if (kForward && a.half_residuals)  // of an up-to-date model
             load_rows(mask, width, list, a.half_residuals + first * width, rows);
         else
             begin_rows(mask, width, list, a.params.residual(first), rows);
     }
-    /// Waits for them, and takes the steps that they have missed in this memory only. `lag` is the number of steps that
-    /// this lane's row has missed. Returns the rows that had missed steps.
+    /// Waits for the rows, and applies their missed steps in this memory only. `lag` is the number of steps that this
+    /// lane's row has missed. Returns the rows that had missed steps.
     __device__ unsigned end(const PreprocessArgs& a, std::int64_t first, int lag) {
         const int width = a.params.residual_width;
         wait_for_rows();
@@ -63,8 +63,8 @@ template <class Model> struct RowMemory {
     }
 };
 
-/// Begins to load the residuals of the warp's Gaussians that may be `visible`, but none if the mode or the degree
-/// leaves them out. Returns whether there are any. All lanes must call it.
+/// Begins to load the residuals of the warp's Gaussians that may be `visible`, or none if the mode or the degree
+/// excludes residuals. Returns whether any are loading. All lanes must call it.
 template <class Model>
 __device__ bool begin_residual(const PreprocessArgs& a, std::int64_t i, bool visible, RowMemory<Model>& memory) {
     if (!Model::kDirectional || a.degree == 0 || a.mode == RenderMode::kBaseOnly) return false;
@@ -73,7 +73,7 @@ __device__ bool begin_residual(const PreprocessArgs& a, std::int64_t i, bool vis
     return mask;
 }
 
-/// Returns the residual of this lane's Gaussian, or 0 if none has begun to load. All lanes must call it.
+/// Returns the residual of this lane's Gaussian, or 0 if none was loaded. All lanes must call it.
 template <class Model>
 __device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bool visible, bool begun,
                                      RowMemory<Model>& memory, typename WarpAppearance<Model>::Memory& scratch) {
@@ -91,7 +91,7 @@ __device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bo
     return {0, 0, 0};
 }
 
-/// Projects the Gaussians. With kFused it also computes their colours; otherwise evaluate_colors adds them.
+/// Projects the Gaussians. With kFused it also computes their colours; otherwise evaluate_colors adds the colours.
 template <class Model, bool kFused>
 __global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
     preprocess_forward(PreprocessArgs a, PackedSplat* __restrict__ splats, CudaBinningInput out,
@@ -108,8 +108,7 @@ __global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
     if (valid)
         valid =
             make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
-    // Residuals and colours are on their way while tiles are tested. Nearly all Gaussians that come so far reach a
-    // tile.
+    // Residuals and colours load while tiles are tested. Nearly all Gaussians that reach this point touch a tile.
     const bool begun = kFused && begin_residual<Model>(a, i, valid, memory[warp]);
     const Vec3<float> base = kFused && valid ? load_base(a.params, i) : Vec3<float>{0, 0, 0};
     const TileTest tiles = test_tiles(s, b, valid);
@@ -137,22 +136,22 @@ __global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
     splats[i].set_color(gaussian_color(a.params.activation, a.params.base(i), residual, a.mode));
 }
 
-/// The number of visible Gaussians in a warp from which all 32 residuals are read and written: contiguous whole rows
-/// move faster.
+/// Number of visible Gaussians in a warp from which all 32 residuals are read and written: contiguous whole rows are
+/// faster.
 constexpr int kManyVisible = 12;
 
-/// The step of Adam for each residual column: one for all, or one for each in shared memory. (Lanes need different
-/// columns at the same time, and kernel parameters give them out one after another.)
+/// The step of Adam for each residual column: one step for all columns, or one for each in shared memory. (Lanes need
+/// different columns at the same time, and reads of different kernel parameters are serialized.)
 struct ColumnSteps {
     AdamStep<float> all;
     const AdamStep<float>* each;  ///< or null
     __device__ AdamStep<float> of(int column) const { return each ? each[column] : all; }
 };
 
-/// What Adam reads and writes for the residual rows of a warp.
+/// Input and output of Adam for the residual rows of a warp.
 struct RowStep {
     int width;
-    const float *parameters, *gradients;  ///< (32, width) in shared memory; the parameters are caught up
+    const float *parameters, *gradients;  ///< (32, width) in shared memory; the parameters include missed steps
     ColumnSteps columns;
     AdamGains<float> gains;
     float* out;  ///< (32, width): the parameters
@@ -187,11 +186,11 @@ __device__ inline void update_rows(unsigned mask, std::uint8_t* list, const RowS
     }
 }
 
-/// The narrowest row of update_all_rows.
+/// The smallest row width for update_all_rows.
 constexpr int kLeastWidth = 4;
 
-/// Takes the step on the `moving` of 32 rows, and writes the others as they are: four values at a time. Three of these
-/// at once keep memory busy; with more, the kernel has more code than warps in different places of it find at hand.
+/// Takes the step on the `moving` of 32 rows, and writes the other rows unchanged, four values at a time. Three such
+/// accesses in flight keep memory busy; with more, the code of warps at different places exceeds the instruction cache.
 __device__ inline void update_all_rows(unsigned moving, const RowStep& rows) {
     constexpr int kUnroll = 3;
     const int width = rows.width;
@@ -237,8 +236,8 @@ __device__ inline bool color_gradient(const PreprocessArgs& a, std::int64_t i, c
     return is_finite(out);
 }
 
-/// The shared memory of a warp in the backward pass. At the end its sums of the shared weights' gradient take this
-/// place.
+/// The shared memory of a warp in the backward pass. At the end, its sums of the shared weights' gradient reuse this
+/// memory.
 template <class Model> struct WarpSpace {
     RowMemory<Model> memory;
     alignas(16) float gradients[32 * RowMemory<Model>::kWidth];
@@ -252,22 +251,22 @@ template <class Model> struct alignas(16) WarpBytes {
     __device__ float* sums() { return reinterpret_cast<float*>(bytes); }
 };
 
-/// Returns the number of Gaussians of a block of the backward pass. With shared weights it is as large as shared memory
+/// Returns the number of Gaussians per block of the backward pass. With shared weights it is as large as shared memory
 /// allows, since each block writes a row of sums.
 template <class Model> constexpr int update_block() {
     if constexpr (kNumSharedOf<Model> == 0) return 64;
     return 8 * sizeof(WarpBytes<Model>) <= 47 * 1024 ? 256 : 128;
 }
-/// Returns the number of blocks that a multiprocessor should hold. They are 16 warps with 128 registers for shared
-/// weights, else 18 warps with 113.
+/// Returns the target number of blocks per multiprocessor: 16 warps with 128 registers a thread for shared weights,
+/// else 18 warps with 113.
 template <class Model> constexpr int update_blocks_at_once() {
     return kNumSharedOf<Model> != 0 ? 512 / update_block<Model>() : 9;
 }
 
-/// Computes the gradients of what this lane's Gaussian shows to `eye`, in a warp of which some lanes' residuals are
-/// `shown` and lie in `space`: those of the residuals' parameters in space.gradients, and that of y = base + residual.
-/// With kAdds it adds to space.gradients, which otherwise are 0 before. sums() are those of the Gaussian. Returns the
-/// gradient of the mean through the direction.
+/// Computes the gradients of the appearance of this lane's Gaussian as seen from `eye`. In the warp, the residuals of
+/// the lanes in `shown` lie in `space`. Writes the gradients of the residuals' parameters to space.gradients, and
+/// computes the gradient of y = base + residual. With kAdds it adds to space.gradients, which otherwise must be 0
+/// before. sums() returns the sums of the Gaussian. Returns the gradient of the mean through the direction.
 template <class Model, bool kAdds = false, class Sums>
 __device__ inline Vec3<float> appearance_gradient(const PreprocessArgs& a, const Vec3<float>& eye, std::int64_t i,
                                                   bool shown, Sums&& sums, WarpAppearance<Model>& appearance,
@@ -281,7 +280,7 @@ __device__ inline Vec3<float> appearance_gradient(const PreprocessArgs& a, const
     return shown ? direction_pullback(direction, dL_ddirection) : Vec3<float>{0, 0, 0};
 }
 
-/// Adds up the gradients of the shared weights of a block's warps in their order, and writes the block's row, if there
+/// Adds up the gradients of the shared weights of a block's warps in warp order, and writes the block's row, if there
 /// are any. Ends the use of `warps`.
 template <class Model, int kBlock>
 __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps,
@@ -336,8 +335,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     if constexpr (kShared > 0) store_shared_sums<Model, update_block<Model>()>(appearance, seen, warps, a.shared.sums);
 }
 
-/// Does what update_gaussian() says for this lane's Gaussian. All lanes of a warp whose Gaussians exist call it.
-/// If some do not move, their rows are written as they were, since a warp writes whole sectors.
+/// Does the work of update_gaussian() for this lane's Gaussian. All lanes of a warp with an existing Gaussian call it.
+/// Rows of Gaussians that do not move are written unchanged, since a warp writes whole sectors.
 __device__ inline void update_gaussian_of_warp(const PreprocessArgs& a, const ModelArrays& arrays,
                                                const UpdateArgs& update, std::int64_t i, float turns,
                                                GaussianGradient<float>& gradient) {
@@ -353,8 +352,8 @@ __device__ inline void update_gaussian_of_warp(const PreprocessArgs& a, const Mo
     });
 }
 
-/// Returns the lanes that missed steps, and if there are any, writes the factors of this lane's moments before it takes
-/// `turns` steps at once. All lanes must call it.
+/// Returns the lanes that missed steps. If there are any, writes the factors by which this lane's moments decay before
+/// it takes `turns` steps at once. All lanes must call it.
 template <class Model>
 __device__ unsigned decay_moments(float turns, const UpdateArgs& update, WarpSpace<Model>& space) {
     const unsigned stale = __ballot_sync(~0u, turns > 1);
@@ -363,8 +362,8 @@ __device__ unsigned decay_moments(float turns, const UpdateArgs& update, WarpSpa
     return stale;
 }
 
-/// Takes the step of the residuals of a warp's Gaussians in `moving`, of which some are `stale`. Parameters and
-/// gradients of those in `rows` are in shared memory.
+/// Takes the step of the residuals of a warp's Gaussians in `moving`, some of which are `stale`. Parameters and
+/// gradients of the Gaussians in `rows` are in shared memory.
 template <class Model>
 __device__ void update_residuals_of_warp(unsigned rows, unsigned moving, unsigned stale, WarpSpace<Model>& space,
                                          const float* gradients, std::int64_t first, std::uint32_t step_seed,
@@ -376,7 +375,7 @@ __device__ void update_residuals_of_warp(unsigned rows, unsigned moving, unsigne
     if (!stale) decay_m[lane] = decay_v[lane] = 1;
     __syncwarp();
     const std::int64_t begin = first * width;
-    const std::uint32_t seed = mix_bits(std::uint32_t(first) ^ step_seed);  // of the warp and the step
+    const std::uint32_t seed = mix_bits(std::uint32_t(first) ^ step_seed);  // seed of the warp and the step
     const ColumnSteps columns{update.steps[k], update.per_column ? column_steps : nullptr};
     const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(begin);
     const RowStep step{width,   space.memory.rows, gradients, columns, update.gains, arrays.param[k] + begin,
@@ -388,7 +387,7 @@ __device__ void update_residuals_of_warp(unsigned rows, unsigned moving, unsigne
 }
 
 /// Computes the gradients and takes the optimizer's step. With kFused it computes the gradients of the appearance;
-/// otherwise it reads those of appearance_backward.
+/// otherwise it reads the gradients that appearance_backward wrote.
 template <class Model, bool kFused>
 __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
     preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums,
@@ -403,7 +402,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncthreads();
     }
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
-    if (control->loss_not_finite) {  // a skipped step changes nothing, not even residuals that are behind
+    if (control->loss_not_finite) {  // a skipped step changes nothing, not even stale residuals
         if (i < a.params.num_residuals && a.lazy.last_step) ++a.lazy.last_step[i];
         return;
     }
@@ -465,15 +464,15 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     }
 }
 
-/// Returns the number of Gaussians of a block of step_on_views, and how many blocks a multiprocessor should hold.
+/// Returns the number of Gaussians per block of step_on_views, and the target number of blocks per multiprocessor.
 template <class Model> constexpr int views_block() { return kNumSharedOf<Model> == 0 ? 64 : 128; }
 template <class Model> constexpr int views_blocks_at_once() { return kNumSharedOf<Model> == 0 ? 8 : 4; }
 
-/// Computes the mean gradients of the views, and takes the optimizer's step on them. Does nothing unless *decision is
-/// to take it. No residual is behind. Adds each view to the statistic of ADC. Leaves out what is not finite: of a view
-/// the gradients of geometry and colour, and if the sum over the views is not finite, all of the Gaussian. Adds to
-/// *num_nonfinite the Gaussians of which something is left out. The sums of the shared weights' gradients are those of
-/// all views together.
+/// Computes the mean gradients over the views, and takes the optimizer's step on them. Does nothing unless *decision is
+/// kTake. No residual is stale. Adds each view to the statistic of ADC. Leaves out gradients that are not finite: for
+/// one view the gradients of geometry and colour, or the whole Gaussian if the sum over the views is not finite. Adds
+/// the number of Gaussians with such gradients to *num_nonfinite. The sums of the shared weights' gradients are over
+/// all views.
 template <class Model>
 __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Model>())
     step_on_views(PreprocessArgs a, const SplatsOfView* __restrict__ views, int num_views, ModelArrays arrays,
@@ -500,7 +499,7 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
     // No row beyond the last is shown.
     const unsigned group = unsigned(i / 32);
     for (int v = 0; v < num_views && i - lane < a.params.count; ++v) moves |= views[v].places[group].shows(lane);
-    // A warp of which nothing moves has nothing to read.
+    // A warp in which no Gaussian moves has nothing to read.
     const unsigned moving = __ballot_sync(~0u, owns && moves);
     const unsigned rows = __popc(moving) >= kManyVisible ? __ballot_sync(~0u, owns) : moving;
     const int views_of_warp = __any_sync(~0u, moves) ? num_views : 0;
@@ -606,7 +605,7 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
         GS_CUDA_LAUNCHED("preprocess_backward");
     }
     if constexpr (kNumSharedOf<Model> != 0) {
-        if (!with_residual) return;  // there is no gradient now, and was none before
+        if (!with_residual) return;  // there is no gradient, and was none before
         update_shared_weights<Model>
             <<<num_blocks(kNumSharedOf<Model>, kSumColumns), dim3(kSumColumns, kSumThreads), 0, stream>>>(
                 args.shared.sums, int(blocks), arrays, update.shared_step, update.shared_gains, args.shared.prepared,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Uploads images through pinned memory, and keeps those that the budget has room for.
+// Uploads images through pinned memory, and keeps as many as fit the budget.
 #include "kernels/engines/images_cuda.h"
 
 #include <algorithm>
@@ -38,7 +38,7 @@ std::int64_t CudaImages::slot_bytes() const {
 
 CudaImages::BorrowedMemory::BorrowedMemory(CudaImages& images, std::int64_t bytes) : images_(images) {
     auto& kept = images.kept_;
-    std::int64_t in_flight = 0;  // an image that is not kept has a place, too
+    std::int64_t in_flight = 0;  // an image that is not kept needs memory, too
     for (const auto& [id, image] : kept) in_flight = std::max(in_flight, image->memory.bytes());
     images.budget_now_ = std::max<std::int64_t>(0, images.kept_bytes_ - bytes - in_flight);
     for (auto image = kept.begin(); images.kept_bytes_ > images.budget_now_; image = kept.erase(image))
@@ -65,7 +65,7 @@ DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t
         kept = std::make_unique<Kept>();
         try {
             device = kept->memory.reserve(bytes);
-        } catch (const DeviceError&) {  // training works without kept images; from here on they are uploaded
+        } catch (const DeviceError&) {  // training works without kept images; from now on they are uploaded
             kept.reset();
             budget_ = budget_now_ = kept_bytes_;
         }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The training images on the device. They are kept within a budget, or else uploaded ahead of use through pinned
-// memory.
+// The training images on the device. They are kept within a memory budget; others are uploaded ahead of use through
+// pinned memory.
 #pragma once
 
 #include <memory>
@@ -17,7 +17,7 @@ struct DeviceTarget {
     double weight_sum = 0;  ///< sum of the mask's weights, or the number of pixels without a mask
 };
 
-/// Host memory that the device copies from without staging.
+/// Host memory that the device copies from without a staging buffer.
 class PinnedBuffer {
   public:
     PinnedBuffer() = default;
@@ -39,12 +39,12 @@ class CudaImages {
     CudaImages(std::int64_t budget, int slots);
     ~CudaImages();
 
-    /// Starts the upload unless the image is on the device, and lets `stream` wait for it. What reads the last image
-    /// of `slot` must be done. The result stays valid until `slot` is used again.
+    /// Starts the upload unless the image is on the device, and makes `stream` wait for it. All reads of the last image
+    /// of `slot` must be complete. The result stays valid until `slot` is used again.
     DeviceTarget get(const TargetImage& target, int slot, cudaStream_t stream);
 
-    /// A part of the kept images' memory, about `bytes` if they take that much, which is free while the object
-    /// lives. No step may be in flight.
+    /// Memory borrowed from the kept images: about `bytes`, or less if the images take less. It is free while the
+    /// object lives. No step may be in flight.
     class BorrowedMemory {
       public:
         BorrowedMemory(CudaImages& images, std::int64_t bytes);

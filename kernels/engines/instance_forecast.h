@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The number of instances that views had lately, and that a view will have.
+// The number of instances of recent views, and a forecast for a view.
 #pragma once
 
 #include <algorithm>
@@ -12,13 +12,13 @@
 
 namespace gs {
 
-/// Follows a number that varies from step to step, such as the instances of views in random order.
+/// Tracks the maximum of a number that varies from step to step, such as the instances of views in random order.
 class RecentMost {
   public:
-    /// The number of steps in a window. Two of them show all views of most scenes.
+    /// Number of steps in a window. Two windows cover all views of most scenes.
     static constexpr int kWindow = 256;
 
-    /// Returns the most of the last two windows, or of the first, at the end of one.
+    /// Returns the maximum of the last two windows, or of the first, at the end of a window; otherwise nothing.
     std::optional<std::int64_t> add(std::int64_t n) {
         now_ = std::max(now_, n);
         if (++steps_ < kWindow) return std::nullopt;
@@ -32,33 +32,34 @@ class RecentMost {
     int steps_ = 0;
 };
 
-/// Foresees how many instances a view has. All of the room for instances is sorted, and views differ: room for the
-/// largest is twice what a mean view of a photographed room needs.
+/// Predicts the number of instances of a view. All of the room for instances is sorted, and views differ: room for the
+/// largest view is twice the need of a mean view of a photographed room.
 ///
-/// A view's number is taken as a factor of its own times a level that all views share, which follows the training.
+/// The number of a view is modelled as a factor of the view times a level common to all views, which follows the
+/// training.
 class InstanceForecast {
   public:
-    /// Returns a number that the view's instances hardly exceed, or the largest if the view is unknown.
+    /// Returns a number that the view's instances rarely exceed, or the largest number if the view is unknown.
     std::int64_t most(ImageId view) const {
         const auto found = factors_.find(view);
         if (found == factors_.end()) return std::numeric_limits<std::int64_t>::max();
         return std::int64_t(std::min(kMargin * found->second * level_, kMost)) + kLeast;
     }
-    /// Takes what a view had, if it is a known one.
+    /// Records the number of instances of a view, if the view is known.
     void note(ImageId view, std::int64_t num_instances) {
         if (!view.is_known()) return;
         const double n = double(std::max(num_instances, kLeast));
         if (level_ == 0) level_ = n;
         const auto [found, is_new] = factors_.try_emplace(view, n / level_);
         if (is_new) return;
-        // What changes more than this does so for reasons of its own.
+        // A larger change than this has causes specific to the view.
         level_ += kFollow * (std::clamp(n / found->second, level_ / 2, 2 * level_) - level_);
         found->second = n / level_;
     }
 
   private:
     static constexpr double kMargin = 1.25, kFollow = 0.2, kMost = 1e12;
-    static constexpr std::int64_t kLeast = 1 << 14;  ///< what is not worth counting
+    static constexpr std::int64_t kLeast = 1 << 14;  ///< smallest number worth tracking
     double level_ = 0;
     std::unordered_map<ImageId, double, ImageIdHash> factors_;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Picks the engine of a model from the generated lists.
+// Selects the engine of a model from the generated lists.
 #include <utility>
 
 #include "appearance/model_info.h"
@@ -15,7 +15,7 @@ namespace gs {
 
 namespace {
 
-/// Returns the entry of the model in one of the lists. Throws UsageError if there is none.
+/// Returns the list entry for the model. Throws UsageError if there is none.
 template <class List> auto of_model(const List& list, const AppearanceSpec& appearance) {
     const ModelInfo& info = appearance_model(appearance.model);  // throws for an unknown name
     for (const auto& [name, entry] : list)

@@ -16,14 +16,13 @@
 
 namespace gs {
 
-/// The weights that all Gaussians of a model share. The pointers are null for a model that has none.
+/// The weights shared by all Gaussians of a model. The pointers are null if the model has none.
 struct SharedArgs {
-    unsigned* prepared;  ///< weights in the form that kernels read
-    SparseRows sums;     ///< gradients: a row for each block of the pass that computes them, if a residual is shown
+    unsigned* prepared;  ///< weights in the format for kernels
+    SparseRows sums;     ///< gradients: a row per block of the pass that computes them, if a residual is shown
 };
 
-/// The buffers in which the separate pass keeps values that fused kernels have in registers, (n) each. Null for fused
-/// kernels.
+/// Buffers of the separate pass for values that fused kernels hold in registers, (n) each. Null for fused kernels.
 struct SeparateArgs {
     Vec3<float>* residuals;
     float* dL_dresiduals;    ///< (n, residual width)
@@ -41,10 +40,10 @@ struct PreprocessArgs {
     LazyArgs lazy;
     SharedArgs shared;
     SeparateArgs separate;
-    const __half* half_residuals;  ///< residual parameters that frames read; null: those of `params`
+    const __half* half_residuals;  ///< residual parameters for frames; null: use `params`
 };
 
-/// A view of a step on several, whose sums may come from another rank. The pointers are on the device.
+/// A view of a step on several views. Its sums may come from another rank. The pointers are on the device.
 struct SplatsOfView {
     CameraParams<float> camera;
     const SplatPlaces* places;  ///< (n / 32, rounded up) of the Gaussians in `sums`
@@ -54,26 +53,26 @@ struct SplatsOfView {
 /// The kernels of one model.
 struct ModelKernels {
     bool directional;  ///< whether the model has a residual
-    /// Writes splats, spans and keys of visible Gaussians, and counts of all. Zeroes what the view counts. There must
-    /// be a Gaussian.
+    /// Writes splats, spans and keys of visible Gaussians, and the counts of all Gaussians. Zeroes the counters of the
+    /// view. There must be at least one Gaussian.
     void (*preprocess)(const PreprocessArgs&, PackedSplat*, const CudaBinningInput&, StepControl*, cudaStream_t);
     /// Computes the gradients of all parameters from the sums, and takes the optimizer's step. Does nothing if the step
     /// was stopped or its loss is not finite.
     void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&,
                    const UpdateArgs&, StepControl*, cudaStream_t);
     /// Takes step `step` on the mean gradient of several views, and adds each view to the statistic of ADC. Does
-    /// nothing unless *decision is to take it. Writes the sums of the shared weights' gradients of all views together.
-    /// Adds the Gaussians with a gradient that is left out to *num_nonfinite.
+    /// nothing unless *decision is kTake. Writes the sums of the shared weights' gradients over all views. Adds the
+    /// number of Gaussians with a gradient that was left out to *num_nonfinite.
     void (*step_on_views)(const PreprocessArgs&, const SplatsOfView* views, int num_views, const ModelArrays&,
                           const UpdateArgs&, std::uint32_t step, const StepDecision* decision, unsigned* num_nonfinite,
                           cudaStream_t);
     struct Shared {
-        int count = 0;  ///< number of weights that all Gaussians share
-        /// The size of the weights in the form that kernels read, in 4-byte words, which start as 0.
+        int count = 0;  ///< number of weights shared by all Gaussians
+        /// Size of the weights in the format for kernels, in 4-byte words, which are initially 0.
         int prepared_words = 0;
         void (*prepare)(const float* weights, unsigned* prepared, cudaStream_t) = nullptr;
-        /// The number of Gaussians whose gradients a row of SharedArgs::sums adds up in step_on_views(). In update() it
-        /// is as large or larger.
+        /// Number of Gaussians whose gradients a row of SharedArgs::sums adds up in step_on_views(). In update() the
+        /// number is as large or larger.
         int gaussians_per_sum = 0;
     } shared;
 };

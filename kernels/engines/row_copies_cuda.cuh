@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Copies residual rows between global and shared memory. Rows are long: threads that walked their own rows would touch
-// 32 cache lines a warp at every column. A warp's rows are one contiguous piece, which its lanes move together. Each
+// Copies residual rows between global and shared memory. Rows are long: if each thread read its own row, a warp would
+// touch 32 cache lines at every column. The rows of a warp are contiguous, and its lanes copy them together. Each
 // thread then finds its row in shared memory.
 #pragma once
 
@@ -25,7 +25,7 @@ class RowElements {
     }
     __device__ int rounds() const { return (rows_ * width_ + 31) / 32; }
     /// Returns the offset of this lane's next element from the warp's first row, or -1. Sets `row` and `column` to its
-    /// place.
+    /// position.
     __device__ int next(int& row, int& column) {
         row = row_ < rows_ ? list_[row_] : 0;
         const int at = row_ < rows_ ? row * width_ + column_ : -1;
@@ -40,10 +40,10 @@ class RowElements {
     int width_, rows_, row_, column_, step_rows_, step_columns_;
 };
 
-/// Begins to copy the rows of a warp that `mask` selects to shared memory, at the same offsets. They are there after
-/// wait_for_rows.
+/// Begins to copy the rows of a warp selected by `mask` to shared memory, at the same offsets. The rows are complete
+/// after wait_for_rows.
 __device__ inline void begin_rows(unsigned mask, int width, std::uint8_t* list, const float* from, float* to) {
-    if (mask == ~0u) {  // all rows of a warp move 16 bytes at a time, on 16-byte boundaries
+    if (mask == ~0u) {  // all rows of a warp are copied 16 bytes at a time, on 16-byte boundaries
         for (int k = 4 * (threadIdx.x & 31); k < 32 * width; k += 128) __pipeline_memcpy_async(to + k, from + k, 16);
     } else {
         RowElements elements(mask, width, list);
@@ -55,7 +55,7 @@ __device__ inline void begin_rows(unsigned mask, int width, std::uint8_t* list, 
     }
     __pipeline_commit();
 }
-/// Waits for the rows that the warp has begun to copy.
+/// Waits for the row copies that the warp has begun.
 __device__ inline void wait_for_rows() {
     __pipeline_wait_prior(0);
     __syncwarp();
@@ -67,10 +67,10 @@ __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, c
     wait_for_rows();
 }
 
-/// The number of loads in flight per lane and array, where values pass through registers.
+/// Number of loads in flight per lane and array, if values pass through registers.
 inline constexpr int kRowUnroll = 8;
 
-/// Copies the rows of a warp that `mask` selects from half precision to shared memory, at the same offsets.
+/// Copies the rows of a warp selected by `mask` from half precision to shared memory, at the same offsets.
 __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const __half* __restrict__ from,
                                  float* to) {
     if (mask == ~0u) {
@@ -95,7 +95,7 @@ __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, c
     __syncwarp();
 }
 
-/// Copies the rows of a warp that `mask` selects from shared memory, to the same offsets.
+/// Copies the rows of a warp selected by `mask` from shared memory, to the same offsets.
 __device__ inline void store_rows(unsigned mask, int width, std::uint8_t* list, const float* from,
                                   float* __restrict__ to) {
     RowElements elements(mask, width, list);
@@ -107,7 +107,7 @@ __device__ inline void store_rows(unsigned mask, int width, std::uint8_t* list, 
     __syncwarp();
 }
 
-/// Takes the steps that the rows in `mask` have missed (lazy_adam.h), in shared memory only. `sums` holds T_t(k) of
+/// Applies the steps that the rows in `mask` have missed (lazy_adam.h), in shared memory only. `sums` holds T_t(k) of
 /// each row, in shared memory.
 __device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* list, const float* sums, float epsilon,
                                      const MomentRows& moments, float* parameters) {

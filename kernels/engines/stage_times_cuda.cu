@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What stages took and did.
+// Computes the costs of stages from their times and work.
 #include "kernels/engines/stage_times_cuda.h"
 
 #include <algorithm>
@@ -8,12 +8,11 @@ namespace gs {
 
 std::vector<StageCost> StageTimes::take(const ResidualCost& residual) {
     const auto seconds = [&](CudaStage s) { return std::max(seconds_[int(s) + 1] - seconds_[int(s)], 0.0); };
-    // The bytes are those that each stage must at least read and write once. A splat has 48 bytes, its sums 36 of 48.
-    // Radix sorts move key and value once a pass: three passes for the depth (8 bytes, of what is visible, without the
-    // first values and the last keys), two for the tile (6 bytes, without the last keys). The instructions are counted
-    // in the templates: fragment_alpha 10 and 9 that blend forward, and 120 that find the sub-tiles which an
-    // instance reaches; backward fragment_alpha 7, since four pixels share what depends on dx, and 23 for the gradient
-    // and its sums.
+    // The bytes are the minimum that each stage must read and write once. A splat has 48 bytes, its sums 36 of 48.
+    // Radix sorts move key and value once a pass: three passes for the depth (8 bytes, visible Gaussians only, without
+    // the first values and the last keys), two for the tile (6 bytes, without the last keys). Instructions as counted
+    // in the templates: forward fragment_alpha 10, blending 9, and 120 to find the sub-tiles that an instance reaches;
+    // backward fragment_alpha 7, since four pixels share the terms of dx, and 23 for the gradient and its sums.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian",
          gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual.width + 48 + 8), visible_ * (260 + residual.operations),
@@ -38,8 +37,8 @@ std::vector<StageCost> StageTimes::take(const ResidualCost& residual) {
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian",
          gaussians_ * 4 + moving_ * 24 * 14 + visible_ * (residual.adam_bytes * residual.width + 48),
          visible_ * (500 + residual.operations_backward + 10 * residual.width) + moving_ * 140, "", true}};
-    // A pixel takes as many instructions as on the CPU. Each of the four powers is a logarithm and an exponential of
-    // its own.
+    // A pixel takes as many instructions as on the CPU. Each of the four powers is a separate logarithm and
+    // exponential.
     if (corrected_pixels_ > 0)
         costs.push_back({"PPISP", seconds(CudaStage::kCorrect) + seconds(CudaStage::kCorrectBackward),
                          corrected_pixels_, "pixel", corrected_pixels_ * 3 * 4 * 5, corrected_pixels_ * 770,

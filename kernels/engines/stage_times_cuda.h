@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The time and work of the stages of a step, by marks on the device's clock.
+// The time and work of the stages of a step, measured by marks on the device's clock.
 #pragma once
 
 #include <optional>
@@ -12,17 +12,17 @@ namespace gs {
 enum class CudaStage : int { kPreprocess, kSort, kBlend, kCorrect, kLoss, kCorrectBackward, kBlendBackward, kUpdate };
 inline constexpr int kNumCudaStages = 8;
 
-/// What a Gaussian's residual costs, on average.
+/// The mean cost of a Gaussian's residual.
 struct ResidualCost {
     double width;                            ///< active parameters
-    double adam_bytes;                       ///< that Adam reads and writes for each of them
-    double operations, operations_backward;  ///< of evaluating it, and of its gradient
+    double adam_bytes;                       ///< bytes that Adam reads and writes per active parameter
+    double operations, operations_backward;  ///< instructions for evaluation, and for its gradient
 };
 
-/// Adds up the times and work of stages. A mark in a graph holds up what follows by 2 to 4 us, so a step has one at its
-/// beginning and one at the end of the stage whose turn it is: pass 0 has it at the beginning, pass k at the end of the
-/// k-th stage. A stage takes as long as its end comes later than the one before. Marks are in all of these times alike,
-/// and so in none of their differences.
+/// Adds up the times and work of stages. A mark in a graph delays the work after it by 2 to 4 us, so a step has only
+/// one mark at its beginning and one more: pass 0 has it at the beginning, pass k at the end of the k-th stage. The
+/// time of a stage is the time of its end minus the time of the end before it. All of these times include the same
+/// marks, so the differences include none.
 class StageTimes {
   public:
     ~StageTimes() {
@@ -40,13 +40,13 @@ class StageTimes {
     void end(CudaStage stage, cudaStream_t stream) {
         if (pass == int(stage) + 1) record(1, stream);
     }
-    /// Adds the time between the marks of one step, which is done.
+    /// Adds the time between the marks of one completed step.
     void add() {
         float ms = 0;
         GS_CUDA(cudaEventElapsedTime(&ms, marks_[0], marks_[1]));
         seconds_[*pass] += 1e-3 * ms;
     }
-    /// Adds the work of that step, which `moving` Gaussians took. A pair is one pixel and one Gaussian.
+    /// Adds the work of that step, in which `moving` Gaussians were updated. A pair is one pixel and one Gaussian.
     void count(double gaussians, double visible, double moving, double instances, double pairs, double pixels,
                bool corrected) {
         if (pass != 0) return;  // the steps of each pass are the same
@@ -67,7 +67,7 @@ class StageTimes {
             status == cudaStreamCaptureStatusActive ? cudaEventRecordExternal : cudaEventRecordDefault));
     }
     cudaEvent_t marks_[2] = {};
-    double seconds_[kPasses] = {};  ///< from the beginning of steps to the mark of each pass
+    double seconds_[kPasses] = {};  ///< time from the beginning of steps to the mark of each pass
     double gaussians_ = 0, visible_ = 0, moving_ = 0, instances_ = 0, pairs_ = 0, pixels_ = 0, corrected_pixels_ = 0;
 };
 

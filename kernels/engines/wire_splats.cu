@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One thread a splat. The tiles are found as in preprocessing, by the same code with the same flags, but for the
-// rounding of a conic that was scaled and scaled back.
+// Packs and unpacks one splat per thread. Tiles are found by the same code with the same flags as in preprocessing, so
+// they agree except for the rounding of a conic that was scaled and scaled back.
 #include "kernels/engines/wire_splats_cuda.h"
 
 #include <algorithm>
@@ -24,7 +24,7 @@ template <class T> __device__ void write_in_a_row(T* out, int num, const T& valu
     for (int w = threadIdx.x; w < num * kWords; w += kWireBlock) to[w] = words[w];
 }
 
-/// Returns how many of a block's threads have one of `num` values.
+/// Returns the number of a block's threads that have one of `num` values.
 __device__ int num_of_block(std::int64_t num) {
     const std::int64_t left = num - std::int64_t(blockIdx.x) * kWireBlock;
     return int(left < 0 ? 0 : left < kWireBlock ? left : kWireBlock);
@@ -49,7 +49,7 @@ __global__ void __launch_bounds__(kWireBlock)
             const std::uint32_t group = row / 32;
             const unsigned lanes = __match_any_sync(existing, group);
             const unsigned shown = __reduce_or_sync(lanes, 1u << (row % 32));
-            // Rows ascend, so that a group ends in this warp or goes on in the next.
+            // Rows ascend, so that a group ends in this warp or continues in the next.
             if (int(threadIdx.x % 32) == __ffs(lanes) - 1) atomicOr(&out.places[group].shown, shown);
             if (k == 0 || rows[k - 1] / 32 != group) out.places[group].first = std::uint32_t(k);
         }
@@ -76,7 +76,7 @@ __global__ void __launch_bounds__(kWireBlock)
     if (exists) place_splat(first + k, s, b, tiles, depth_key, mine.depth, splats, out);
 }
 
-/// Writes the splats of rank `rank` to their places among those of all.
+/// Writes the splats of rank `rank` to their places among the splats of all ranks.
 __global__ void __launch_bounds__(kWireBlock)
     merge(const SplatsOfRank* __restrict__ parts, int num_ranks, int rank, WireSplat* __restrict__ out) {
     const std::int64_t k = wire_index();

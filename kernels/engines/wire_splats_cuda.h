@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Splats on their way between ranks: packed where they were projected, and unpacked where they are rendered. Only .cu
+// Splats sent between ranks: packed by the rank that projects them, unpacked by the rank that renders them. Only .cu
 // files include this header.
 #pragma once
 
@@ -18,28 +18,28 @@ namespace gs {
 struct WireSplats {
     WireSplat* splats;    ///< (room)
     std::uint32_t* rows;  ///< (room) rows of the splats, or null
-    SplatPlaces* places;  ///< (n / 32, rounded up) of the rows, 0 before; or null
+    SplatPlaces* places;  ///< (n / 32, rounded up) places of the rows' splats, initially 0; or null
     std::int64_t room;
-    ViewReport* report;  ///< null: nobody asks
+    ViewReport* report;  ///< null: no report
 };
 
-/// Packs the splats of `*num` Gaussians, whose rows these are, as Shard::end_projection says. Pointers are on the
-/// device.
+/// Packs the splats of `*num` Gaussians with these `rows`, as ViewRenderer::end_projection describes. Pointers are on
+/// the device.
 void pack_splats(const std::uint32_t* rows, const std::int64_t* num, const ParameterView<float>& params,
                  const CameraParams<float>& camera, const PackedSplat* splats, const WireSplats& out,
                  cudaStream_t stream);
 
-/// Unpacks `num` splats for a view padded to whole tiles, with all that binning reads, from place `first` of the view
-/// on. Zeroes what the view counts, also where only parts of it are unpacked so far.
+/// Unpacks `num` splats, with all input of binning, for a view padded to whole tiles, from place `first` of the view
+/// on. Zeroes the counters of the view, even if only some parts of it are unpacked so far.
 void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, int width_padded, int height_padded,
                    const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
                    StepControl* control, cudaStream_t stream);
 
-/// Writes the splats of all ranks in the order of row_order(). `parts` is on the host and on the device.
+/// Writes the splats of all ranks in the order of row_order(). `parts` is passed both on the host and on the device.
 void merge_splats(const std::vector<SplatsOfRank>& parts, const SplatsOfRank* parts_on_device, WireSplat* out,
                   cudaStream_t stream);
 
-/// Writes sums as they are sent.
+/// Writes sums in the format for sending.
 void pack_sums(const PackedSums* sums, std::int64_t num, SplatSums<float>* out, cudaStream_t stream);
 
 }  // namespace gs

@@ -221,14 +221,14 @@ class Shard {
     std::size_t isp_size_ = 0;  ///< number of values of PPISP
     ColorActivation activation_ = ColorActivation::kRelu;
     std::int64_t corrections_left_out_ = 0;  ///< steps of PPISP left out, since take_nonfinite()
-    const bool makes_rooms_;  ///< whether to predict room for splats of steps, to avoid waiting for counts
+    const bool makes_rooms_;                 ///< whether to predict room for splats, without waiting for counts
     SplatRooms rooms_;
     std::vector<ProjectedView> projected_;          ///< the rank's splats, per view
     std::vector<DeviceArray<WireSplat>> received_;  ///< splats from the other ranks for the view to render, by rank
-    SplatParts splats_;                             ///< sums of a step, in splat or scratch memory
+    SplatParts splats_;                             ///< splats of the view to render
     DeviceArray<WireSplat> ordered_;                ///< the same, by their rows in the whole model
-    SumsOfViews<SplatSums<float>> sums_;  ///< sums of a step, in the memory of the splats or in scratch memory
-    ScratchPlaces places_;                ///< places for the views to render
+    SumsOfViews<SplatSums<float>> sums_;            ///< sums of a step, in splat or scratch memory
+    ScratchPlaces places_;                          ///< places for the views to render
     DeviceArray<ViewReport> reports_, reports_of_all_ranks_;  ///< reports on a step's views, (ranks, views)
     DeviceArray<float> shared_, shared_of_all_ranks_;  ///< gradients of the shared weights, (ranks, shared_row())
     bool is_incomplete_ = false;                       ///< whether the last step waits for complete_step()
