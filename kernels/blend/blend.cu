@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The forward pass: a block blends the list of its tile, chunk by chunk. It fetches the splats of a chunk and finds
-// which sub-tiles each reaches; then a warp per sub-tile blends those that reach its own.
+// The forward pass: a block blends the list of its tile, chunk by chunk. It fetches the splats of a chunk and finds the
+// sub-tiles that each splat reaches; then one warp per sub-tile blends the splats that reach it.
 //
-// Blending goes from front to back, and the blocks of the longest lists would work on alone while the rest of the
-// device waits. A tile whose list is long beside the view's total is therefore blended by four blocks: a warp has a
-// quarter of a sub-tile, and its lanes hold eight pixels times four splats that follow each other.
+// Blending goes from front to back, so the blocks of the longest lists would run on while the rest of the device is
+// idle. A tile whose list is long compared with the view's total is therefore blended by four blocks: a warp processes
+// a quarter of a sub-tile, and its lanes hold eight pixels times four consecutive splats.
 #include "kernels/blend/blend_device.h"
 #include "kernels/blend/sub_tile_cuda.h"
 #include "kernels/splat/splat_cuda.h"
@@ -12,12 +12,12 @@
 namespace gs {
 namespace {
 
-// Splats on their way through shared memory to the warps that blend them.
+// Staging of splats through shared memory to the warps that blend them.
 //
-// A splat is copied as it is stored, without passing registers. Warps of the forward pass list the addresses of splats
-// in shared memory: to compute them from numbers took five of 28 instructions a splat.
+// A splat is copied as it is stored, bypassing registers. Warps of the forward pass list the addresses of splats in
+// shared memory: computing the addresses from indices took five of 28 instructions a splat.
 
-/// What blending reads of a PackedSplat.
+/// The fields of a PackedSplat that blending reads.
 struct StagedSplat {
     float mx, my, qa, qb;
     float qc, opacity, red, green, blue;
@@ -40,14 +40,14 @@ __device__ inline float2 load_shared2(unsigned at) {
     asm volatile("ld.shared.v2.f32 {%0,%1}, [%2];" : "=f"(x.x), "=f"(x.y) : "r"(at) : "memory");
     return x;
 }
-/// Loads a splat whose address all lanes of a warp, or of a part of it, have.
+/// Loads a splat. All lanes of a warp, or of a part of it, pass the same address.
 __device__ inline StagedSplat load_splat(unsigned at) {
     const float4 a = load_shared4(at), b = load_shared4(at + 16);
     const float2 c = load_shared2(at + 32);
     return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y};
 }
 
-/// Begins to copy a splat to shared memory, where wait_for_splat() ends it.
+/// Begins to copy a splat to shared memory; wait_for_splat() completes the copy.
 __device__ inline void begin_splat(PackedSplat& to, const PackedSplat& from) {
 #pragma unroll
     for (unsigned k = 0; k < sizeof(PackedSplat); k += 16)
@@ -57,16 +57,16 @@ __device__ inline void begin_splat(PackedSplat& to, const PackedSplat& from) {
 }
 __device__ inline void wait_for_splat() { asm volatile("cp.async.wait_all;" ::: "memory"); }
 
-/// The pixels of a warp: a sub-tile with one splat at a time, or a quarter of one with four splats abreast.
+/// The pixels of a warp: a sub-tile with one splat at a time, or a quarter of a sub-tile with four splats abreast.
 template <int kAbreast> struct WarpPixels {
     static_assert(kAbreast == 1 || kAbreast == 4);
     static constexpr int kWidth = kAbreast == 1 ? kSubX : kSubX / 2, kHeight = kAbreast == 1 ? kSubY : kSubY / 2;
     static constexpr int kPixels = kWidth * kHeight;
 
-    int2 offset;  ///< of its first pixel in the sub-tile
-    int slot;     ///< which of the splats abreast this lane evaluates
-    int2 pixel;   ///< of this lane
-    int in_tile;  ///< its number among the tile's pixels, warp after warp of whole sub-tiles
+    int2 offset;  ///< offset of the warp's first pixel in the sub-tile
+    int slot;     ///< index of the splat abreast that this lane evaluates
+    int2 pixel;   ///< pixel of this lane
+    int in_tile;  ///< index among the tile's pixels, warp after warp of whole sub-tiles
 
     __device__ WarpPixels(int2 tile_corner, int sub_tile, int quarter, int lane) {
         offset = {quarter % 2 * kWidth, quarter / 2 * kHeight};
@@ -79,13 +79,13 @@ template <int kAbreast> struct WarpPixels {
 };
 
 static_assert(kChunk == kCudaTilePixels, "a thread fetches one splat of a chunk");
-constexpr int kGroups = kChunk / 32;  ///< of 32 splats, which have a word of bits
+constexpr int kGroups = kChunk / 32;  ///< groups of 32 splats, one word of bits each
 constexpr int kMostAtOnce = 8;        ///< splats that a warp takes from its list at a time
 
 struct BlockMemory {
-    PackedSplat splats[2][kChunk];                                ///< of a chunk, and of the next one
-    PackedSplat nothing;                                          ///< changes no pixel
-    unsigned reached[2][kGroups][kSubTiles];                      ///< which of 32 splats reach a sub-tile
+    PackedSplat splats[2][kChunk];                                ///< splats of a chunk, and of the next one
+    PackedSplat nothing;                                          ///< padding splat that changes no pixel
+    unsigned reached[2][kGroups][kSubTiles];                      ///< bits of 32 splats that reach a sub-tile
     alignas(16) unsigned lists[kSubTiles][kChunk + kMostAtOnce];  ///< the same as addresses in shared memory
     unsigned processed, pairs;  ///< instances until all pixels of the block were finished; pixels times hits
     unsigned first_chunk;
@@ -113,7 +113,7 @@ __device__ bool blend_abreast(PixelForward<float>& p, int slot, float alpha, con
     }
     if (!(alpha >= cutoffs.alpha)) alpha = 0;
     const float passed = 1 - alpha;
-    float through = passed;  // this splat and those before it
+    float through = passed;  // transmittance of this splat and the splats before it
     float before = __shfl_up_sync(~0u, through, 8);
     if (slot >= 1) through *= before;
     before = __shfl_up_sync(~0u, through, 16);
@@ -123,7 +123,7 @@ __device__ bool blend_abreast(PixelForward<float>& p, int slot, float alpha, con
     const bool open = t >= cutoffs.transmittance, active = open && alpha > 0;
     const float w = active ? t * alpha : 0;
     p.r = gs_fma(w, s.red, p.r), p.g = gs_fma(w, s.green, p.g), p.b = gs_fma(w, s.blue, p.b);
-    // The last splat that found the pixel unfinished leaves the least.
+    // The last splat that found the pixel unfinished leaves the smallest transmittance.
     float left = open ? t - w : p.t;
     left = fminf(left, __shfl_xor_sync(~0u, left, 8));
     p.t = fminf(left, __shfl_xor_sync(~0u, left, 16));
@@ -149,8 +149,8 @@ __device__ void list_chunks(BlockMemory& shared, int tile, int2 corner, std::uin
                                                 std::uint32_t(corner.x | corner.y << 16)};
 }
 
-/// Lists the addresses of the splats that reach a warp's sub-tile, and behind them, kMostAtOnce times, that of a splat
-/// which changes nothing. Returns the number of the first.
+/// Lists the addresses of the splats that reach a warp's sub-tile, followed by kMostAtOnce addresses of a splat that
+/// changes nothing. Returns the number of splats listed before the padding.
 __device__ int list_splats(BlockMemory& shared, int buffer, int warp, int lane) {
     unsigned* list = shared.lists[warp];
     const unsigned first = shared_address(&shared.splats[buffer][lane]);
@@ -167,8 +167,8 @@ __device__ int list_splats(BlockMemory& shared, int buffer, int warp, int lane) 
     return listed;
 }
 
-/// Notes which instances of a chunk changed a pixel. Lane k has those of the splats 32 k .. 32 k + 31 of the warp's
-/// list in `blended`. Returns the number of those of the lane-th 32 instances.
+/// Records which instances of a chunk changed a pixel. `blended` of lane k holds the bits of splats 32 k .. 32 k + 31
+/// of the warp's list. Returns the number of such instances among the lane-th 32 instances.
 template <bool kShared>
 __device__ int note_hits(const BlockMemory& shared, int buffer, int warp, int lane, unsigned blended, int num_groups,
                          std::uint32_t* hits) {
@@ -223,7 +223,7 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
     };
     unsigned pairs = 0, processed = 0;  // instances until this warp's pixels were finished
     int buffer = 0;
-    std::uint32_t at = begin + threadIdx.x, next = gaussian(at);  // this thread's instance of the chunk, its Gaussian
+    std::uint32_t at = begin + threadIdx.x, next = gaussian(at);  // this thread's instance and its Gaussian
     if (at < end) begin_splat(shared.splats[0][threadIdx.x], splats[next]);
     next = gaussian(at + kChunk);
     for (std::uint32_t base = begin; base < end; base += kChunk, at += kChunk, buffer ^= 1) {
@@ -239,7 +239,7 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
         }
         if (lane < kSubTiles) shared.reached[buffer][warp][lane] = word;
         const bool open = p.t >= image.cutoffs.transmittance;
-        // Behind this, the chunk is there for all, and nobody reads the one before.
+        // After this barrier the chunk is complete for all threads, and the previous one is no longer read.
         if (!__syncthreads_or(open)) break;
         if (at + kChunk < end) begin_splat(shared.splats[buffer ^ 1][threadIdx.x], splats[next]);
         next = gaussian(at + 2 * kChunk);
@@ -251,8 +251,8 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
         unsigned blended_of_lane = 0;
         for (int first = 0; first < listed; first += 32) {
             if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
-            // Some steps at a time: their alphas are independent, and a warp alone on a long list hides their latency
-            // so.
+            // Several steps at a time: their alphas are independent, which hides the latency of a warp alone on a long
+            // list.
             unsigned blended = 0;
             for (int k = 0; k < min(listed - first, 32); k += kAtOnce * kAbreast) {
                 unsigned places[kAtOnce];
@@ -290,7 +290,7 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
                 trail.hits + ((first_group(tile, begin) + (base - begin) / 32) * kSubTiles + warp));
     }
     p = whole_pixel<kAbreast>(p);
-    if (kForBackward && kAbreast > 1)  // where other quarters of the sub-tile go on, the backward pass asks for these
+    if (kForBackward && kAbreast > 1)  // other quarters of the sub-tile may continue, so the backward pass needs these
         for (std::uint32_t before = max(1u, (processed + kChunk - 1) / kChunk) * kChunk; before < end - begin;
              before += kChunk)
             save_state(before, p);
@@ -304,7 +304,7 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
     }
     __syncthreads();
     if (threadIdx.x == 0 && shared.pairs) atomicAdd(&control->num_pairs, (unsigned long long)shared.pairs);
-    // One of four blocks knows only of its own pixels: it lists all chunks, of which some may be empty.
+    // One of four blocks has only its own pixels, so all chunks are listed, some of which may be empty.
     if (kAbreast == 1 || quarter == 0)
         list_chunks(shared, tile, corner, begin, kAbreast == 1 ? shared.processed : end - begin, trail, control);
 }
@@ -315,7 +315,7 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
                   StepControl* __restrict__ control, BlendTrail trail) {
     __shared__ BlockMemory shared;
     if (kForBackward && blockIdx.x == 0 && threadIdx.x == 0) *trail.next_item = 0;
-    if (kForBackward)  // the writes end while the block blends, which leaves the memory idle
+    if (kForBackward)  // the writes end while the block blends, which leaves memory idle
         for (std::size_t k = blockIdx.x * kCudaTilePixels + threadIdx.x; k < trail.num_zeros;
              k += gridDim.x * kCudaTilePixels)
             trail.zeros[k] = {};
@@ -336,7 +336,7 @@ void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles, PackedSums
     // A list of n instances has ceil(n / kChunk) chunks, and one checkpoint less.
     trail_.checkpoints = c.take<float4>(std::size_t(capacity / kChunk) * kCudaTilePixels);
     trail_.chunks = c.take<BlendChunk>(capacity / kChunk + num_tiles);
-    // The backward pass reads the words of a whole chunk, also behind the last list.
+    // The backward pass reads the words of a whole chunk, even past the last list.
     const std::size_t groups = (capacity / 32 + num_tiles + kChunk / 32) * kSubTiles;
     const std::size_t marks = (groups + std::size_t(num_tiles) * kSubTiles + 3) / 4;
     marks_ = {c.take<uint4>(marks), marks};

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The backward pass of the blend, with a warp per chunk and two sub-tiles.
+// The backward pass of the blend, with one warp per chunk and pair of sub-tiles.
 //
-// A warp takes 16 splats at a time. A lane has a column of four pixels and four splats that follow each other; the four
-// lanes of a column have all 16. Each finds from the others what light comes through to its first splat and what lies
-// behind it, and goes on alone from there. It adds up its fragments by column, and shared memory brings the eight
-// columns together. With a lane per pixel all 32 would read every splat, and bring nine sums of each together: the path
-// to shared memory would keep them waiting.
+// A warp processes 16 splats at a time. A lane has a column of four pixels and four consecutive splats; the four lanes
+// of a column cover all 16. Each lane gets from the others the transmittance before its first splat and the light from
+// behind it, and then works independently. It adds up its fragments by column, and the eight columns are summed through
+// shared memory. With one lane per pixel, all 32 lanes would read every splat, and would have to sum nine values of
+// each: the path to shared memory would be the bottleneck.
 //
-// Two lanes share a splat where it is fetched and where its sums are added, so that one request to memory brings or
-// takes both halves. While a batch of splats is worked on, the next is on its way.
+// Two lanes share the fetch of a splat and the addition of its sums, so that one memory request moves both halves.
+// While a batch of splats is processed, the next one loads.
 #include <algorithm>
 #include <type_traits>
 
@@ -17,32 +17,32 @@
 namespace gs {
 namespace {
 
-constexpr int kBatch = 16;        ///< splats that a warp takes at a time
-constexpr int kOwn = 4;           ///< splats of a lane; the four lanes of a column have all of a batch
+constexpr int kBatch = 16;        ///< splats that a warp processes at a time
+constexpr int kOwn = 4;           ///< splats of a lane; the four lanes of a column cover a whole batch
 constexpr int kWarps = 2;         ///< warps of a block, which share nothing
-constexpr int kBlocksAtOnce = 8;  ///< blocks of a multiprocessor
+constexpr int kBlocksAtOnce = 8;  ///< blocks per multiprocessor
 constexpr std::uint32_t kNobody = ~0u;
 
-/// The shared memory of one warp. The strides keep what eight lanes read or write together in different banks.
+/// The shared memory of one warp. The strides put values that eight lanes access together into different banks.
 struct WarpMemory {
     static constexpr int kSplatStride = 3 * kOwn + 2, kSumStride = kSubX + 1;
 
     float4 pixels[kSubY][kSubX];                ///< dL/dpixel, and its part from the background
-    float4 batch[kBatch / kOwn][kSplatStride];  ///< the splats of a lane behind each other, as PackedSplat has them
-    float4 sums[2 * kBatch][kSumStride];        ///< by half splat, in the order of HalfOfLane, and column
+    float4 batch[kBatch / kOwn][kSplatStride];  ///< consecutive splats of a lane, in the layout of PackedSplat
+    float4 sums[2 * kBatch][kSumStride];        ///< sums by half splat, in the order of HalfOfLane, and by column
     std::uint32_t list[kChunk];                 ///< instances that changed a pixel of the sub-tile
 };
 
-/// What a lane works on: fragments of a column of pixels and of a group of splats. Neighbours that differ in the lowest
-/// bit have the same group, and those that differ in the next the same column, so that shared memory serves a warp's
-/// reads of either at once.
+/// The work of a lane: fragments of a column of pixels and of a group of splats. Lanes that differ only in the lowest
+/// bit have the same group, and lanes that differ only in the next bit have the same column, so that shared memory
+/// serves a warp's reads of either at once.
 struct LaneOf {
     int column, group;
 
     __device__ explicit LaneOf(int lane) : column(lane / 8 * 2 + lane % 2), group(lane / 2 % 4) {}
 };
 
-/// The half of a splat that a lane fetches, and whose sums it adds.
+/// The half of a splat that a lane fetches, and to whose sums it adds.
 struct HalfOfLane {
     int group, own;  ///< the own-th splat of the group
     bool second;
@@ -59,18 +59,18 @@ __device__ void add(float4* to, float4 x) {
 #endif
 }
 
-/// The part of a splat that one of two lanes fetches: a or b, which lie behind each other in memory, and green or blue,
-/// which do, too.
+/// The part of a splat that one of two lanes fetches: a or b, which are adjacent in memory, and green or blue, which
+/// are adjacent, too.
 struct HalfSplat {
     float4 shape{};
     float color = 0;
 
-    HalfSplat() = default;  ///< of a splat that changes nothing
+    HalfSplat() = default;  ///< half of a splat that changes nothing
     __device__ HalfSplat(const PackedSplat& from, int half) : shape((&from.a)[half]), color((&from.c.x)[half]) {}
     __device__ void store(float4* to, int half) const { to[half] = shape, (&to[2].x)[half] = color; }
 };
 
-/// What a lane's neighbours in its column have: that of those before it, and of all four.
+/// Values of the lanes in a column, combined over the lanes before this one, and over all four.
 struct OfColumn {
     float before, all;
 };
@@ -83,9 +83,9 @@ __device__ OfColumn sum_of_column(float x) {
     return {(threadIdx.x & 2 ? other : 0.0f) + (threadIdx.x & 4 ? other_pair : 0.0f), pair + other_pair};
 }
 
-/// Turns alpha and dL/dpixel . colour of a lane's four fragments of a pixel into the factors h and w of their gradients
-/// (FragmentGradient). `t` is the transmittance before the first of them; `behind` is the pixel's before the batch, and
-/// becomes that after it. With kEnds the pixel may be finished among them.
+/// Converts alpha and dL/dpixel . colour of a lane's four fragments of a pixel to the factors h and w of their
+/// gradients (FragmentGradient). `t` is the transmittance before the first fragment. `behind` is the value of the pixel
+/// before the batch, and is updated to the value after it. With kEnds the pixel may be finished within the batch.
 template <bool kEnds>
 __device__ void pass_fragments(float (&alpha)[kOwn], float (&slope)[kOwn], float t, float& behind, float background,
                                const Cutoffs<float>& cutoffs) {
@@ -105,12 +105,12 @@ __device__ void pass_fragments(float (&alpha)[kOwn], float (&slope)[kOwn], float
 #pragma unroll
     for (int i = 0; i < kOwn; ++i) {
         rest -= passed[i].color;
-        if (kEnds) rest = left[i] >= cutoffs.transmittance ? rest : background;  // as pass_fragment() has it
+        if (kEnds) rest = left[i] >= cutoffs.transmittance ? rest : background;  // as in pass_fragment()
         alpha[i] = shape_factor(passed[i], rest), slope[i] = passed[i].w;
     }
 }
 
-/// Returns the sum over the columns of one value of each of a lane's four splats: that of the splat of HalfOfLane.
+/// Returns the sum over the columns of a value per splat of a lane, for the splat of HalfOfLane.
 __device__ float sum_over_columns(const float (&x)[kOwn], int lane) {
     const bool upper = lane & 16, middle = lane & 8;
     float low = upper ? x[2] : x[0], high = upper ? x[3] : x[1];
@@ -121,8 +121,8 @@ __device__ float sum_over_columns(const float (&x)[kOwn], int lane) {
     return sum + __shfl_xor_sync(~0u, sum, 1);
 }
 
-/// Adds the gradients of a batch to its splats. `h` and `w` are those of a lane's fragments, by pixel and splat.
-/// `target` is that of the splat which this lane and its neighbour share.
+/// Adds the gradients of a batch to its splats. `h` and `w` belong to a lane's fragments, by pixel and splat. `target`
+/// belongs to the splat that this lane shares with its neighbour.
 template <bool kFixedOrder>
 __device__ void add_gradients(WarpMemory& memory, const float (&h)[kSubY][kOwn], const float (&w)[kSubY][kOwn],
                               float px, float centre_y, std::uint32_t target, int sub_tile, int lane,
@@ -131,7 +131,7 @@ __device__ void add_gradients(WarpMemory& memory, const float (&h)[kSubY][kOwn],
     float blue[kOwn];
 #pragma unroll
     for (int i = 0; i < kOwn; ++i) {
-        // Moments of h about the middle of the sub-tile's height, where the rows lie at -1.5, -0.5, 0.5 and 1.5.
+        // Moments of h about the middle of the sub-tile's height, with rows at -1.5, -0.5, 0.5 and 1.5.
         const float outer = h[0][i] + h[3][i], inner = h[1][i] + h[2][i], m0 = outer + inner,
                     m1 = 1.5f * (h[3][i] - h[0][i]) + 0.5f * (h[2][i] - h[1][i]), m2 = 2.25f * outer + 0.25f * inner;
         float red = 0, green = 0;
@@ -168,7 +168,7 @@ __device__ void add_gradients(WarpMemory& memory, const float (&h)[kSubY][kOwn],
     }
 }
 
-/// A pixel as the forward pass left it, and the gradient for it. Outside the image nothing is seen.
+/// A pixel in the final state of the forward pass, and its gradient. Both are 0 outside the image.
 struct PixelToPass {
     bool inside;
     float r = 0, g = 0, b = 0, transmittance = 0;  ///< the pixel
@@ -187,14 +187,14 @@ struct PixelToPass {
     __device__ float4 gradient(const Vec3<float>& bg) const {
         return make_float4(dr, dg, db, transmittance * (dr * bg.x + dg * bg.y + db * bg.z));
     }
-    /// Returns the transmittance, and dL/dpixel . what lies behind. `before` has colour and transmittance before the
-    /// chunk.
+    /// Returns the transmittance, and dL/dpixel . (light from behind). `before` holds colour and transmittance before
+    /// the chunk.
     __device__ float2 state(const float4& before) const {
         return make_float2(before.w, (r - before.x) * dr + (g - before.y) * dg + (b - before.z) * db);
     }
 };
 
-/// Walks the part of a tile's list that `chunk` is, for one sub-tile.
+/// Processes the part `chunk` of a tile's list for one sub-tile.
 template <bool kFixedOrder>
 __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
                            const PackedSplat* __restrict__ splats, const BlendImage& image,
@@ -202,7 +202,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
                            PackedSums* __restrict__ sums) {
     const int lane = threadIdx.x & 31;
     const int2 corner = sub_tile_corner({int(chunk.corner & 0xffff), int(chunk.corner >> 16)}, sub_tile);
-    // What is read here depends on nothing else, and is on its way at once.
+    // These reads depend on nothing else, and are issued together.
     const std::uint32_t processed = trail.processed[chunk.tile * kSubTiles + sub_tile];
     const std::uint32_t* hits =
         trail.hits + ((first_group(chunk.tile, chunk.tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
@@ -214,7 +214,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         instances[k] = at < num_instances ? bins.instances[at] : 0;
     }
     const PixelToPass of_lane(pixel_of(corner, lane), image, dL_dimage);
-    // Where its pixels were finished, a sub-tile has neither lists nor states.
+    // Beyond the end of its pixels, a sub-tile has neither lists nor states.
     const int count = min(int(processed) - int(chunk.first), kChunk);
     if (count <= 0) return;
     if (lane * 32 >= count) word_of_lane = 0;
@@ -232,7 +232,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     }
     if (listed == 0) return;
     __syncwarp();
-    // The instance of this lane's splat in the batch that begins at `first`, and the splat.
+    // Returns the instance of this lane's splat in the batch that begins at `first`, and the splat.
     const HalfOfLane half(lane);
     const auto target_from = [&](int first) {
         const int k = first + half.row();
@@ -246,14 +246,14 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     HalfSplat splat = fetch(target);
     const auto [column, group] = LaneOf(lane);
     float t[kSubY], behind[kSubY];
-    // Lanes have loaded pixels side by side, and find those of their columns in shared memory.
+    // Lanes have loaded neighbouring pixels, and read the pixels of their columns from shared memory.
     float2* const states = reinterpret_cast<float2*>(memory.sums);
     states[lane] = of_lane.state(before_chunk);
     memory.pixels[lane / kSubX][lane % kSubX] = of_lane.gradient(image.background);
     __syncwarp();
 #pragma unroll
     for (int y = 0; y < kSubY; ++y) t[y] = states[y * kSubX + column].x, behind[y] = states[y * kSubX + column].y;
-    // A finished pixel has no light left, and nothing behind.
+    // A finished pixel has no transmittance left, and no light from behind.
     const auto finish = [&](int y) {
         if (t[y] < image.cutoffs.transmittance) t[y] = behind[y] = 0;
     };
@@ -264,7 +264,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         splat.store(&memory.batch[half.group][3 * half.own], half.second);
         __syncwarp();
         const std::uint32_t next = target_from(first + kBatch);
-        splat = fetch(next);  // on its way while this batch is worked on
+        splat = fetch(next);  // loads while this batch is processed
 
         float alpha[kSubY][kOwn], slope[kSubY][kOwn];  // later h and w
 #pragma unroll
@@ -281,7 +281,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
                 slope[y][i] = color_gradient(PixelBackward<float>{.gr = g.x, .gg = g.y, .gb = g.z}, b.w, c.x, c.y);
             }
         }
-        float before[kSubY];  // the transmittance before this lane's splats
+        float before[kSubY];  // transmittance before this lane's splats
         bool ends = false;
 #pragma unroll
         for (int y = 0; y < kSubY; ++y) {
@@ -310,11 +310,12 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         add_gradients<kFixedOrder>(memory, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile, lane, sums);
         target = next;
     }
-    __syncwarp();  // before the next chunk writes what slower lanes may still read
+    __syncwarp();  // before the next chunk overwrites data that slower lanes may still read
 }
 
-/// Each warp takes the next chunk and two sub-tiles of it when it is done with others. A block of its own for each
-/// would leave a fifth of the places for warps empty, since blocks of a few thousand cycles end and begin all the time.
+/// Processes chunks: each warp takes the next chunk and two of its sub-tiles when it is done with the previous one.
+/// With one block per item a fifth of the warp slots would be empty, since blocks of a few thousand cycles end and
+/// begin all the time.
 template <bool kFixedOrder>
 __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
     blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
@@ -324,7 +325,7 @@ __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const unsigned num_items = control->num_chunks * (kSubTiles / 2);
     const auto take = [&] { return lane == 0 ? atomicAdd(trail.next_item, 1u) : 0; };
-    // A lane has one of the four words of the next chunk.
+    // Each lane reads one of the four words of the next chunk.
     const auto word_of = [&](unsigned item) {
         const auto* const chunks = reinterpret_cast<const std::uint32_t*>(trail.chunks);
         return item < num_items ? chunks[item / (kSubTiles / 2) * 4 + lane % 4] : 0;
@@ -335,7 +336,7 @@ __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
         const BlendChunk chunk{__shfl_sync(~0u, word, 0), __shfl_sync(~0u, word, 1), __shfl_sync(~0u, word, 2),
                                __shfl_sync(~0u, word, 3)};
         const int first = int(item % (kSubTiles / 2)) * 2;
-        const unsigned next = take();  // on its way while the first sub-tile is worked on, its chunk during the second
+        const unsigned next = take();  // loads during the first sub-tile, and its chunk during the second
 #pragma unroll 1
         for (int k = 0; k < 2; ++k) {
             walk_chunk<kFixedOrder>(memories[warp], chunk, first + k, bins, splats, image, dL_dimage, trail,
@@ -345,7 +346,7 @@ __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
     }
 }
 
-/// Adds up the instances of a Gaussian in their order, and the sub-tiles of each in theirs; one thread per Gaussian.
+/// Adds up the instances of a Gaussian in order, and the sub-tiles of each in order; one thread per Gaussian.
 __global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepControl* __restrict__ control,
                                  const PackedSums* __restrict__ partial, PackedSums* __restrict__ sums) {
     const std::int64_t k = std::int64_t(blockIdx.x) * 256 + threadIdx.x;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Blends one 16x16 tile on the CPU, sixteen pixels (a 4x4 block) per lane operation.
 //
-// The Gaussians of a tile are taken front to back. A lane operation tests all 16 blocks of the tile at once, and only
-// the touched ones are evaluated. The test is conservative, so it never decides about a fragment.
+// The Gaussians of a tile are processed front to back. A lane operation tests all 16 blocks of the tile at once, and
+// only the touched blocks are evaluated. The test is conservative, so it never changes which fragments count.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 
 namespace gs {
 
-/// The place of a tile and its inputs.
+/// The position of a tile and its inputs.
 template <class Real> struct TileInput {
     int x0, y0;                 ///< first pixel
     int width, height;          ///< size of the image
@@ -41,7 +41,7 @@ template <class Real> struct BlockGeometry {
         }
     }
 
-    /// Returns the touched blocks: bit b is set if block b may hold a pixel with alpha at the cutoff or above.
+    /// Returns the touched blocks: bit b is set if block b may contain a pixel with alpha at the cutoff or above.
     unsigned touched(const Splat<Real>& s) const {
         const Lanes<Real> power = min_power_in_rectangle(s, block_x, block_y, Real(kCpuBlock - 1), Real(kCpuBlock - 1));
         return mask_bits(at_least(Lanes<Real>(touch_threshold(s)), power));
@@ -53,7 +53,7 @@ inline int block_order(int x, int y) { return ((y / 4) * 4 + x / 4) * 16 + (y % 
 
 /// Blends a tile. Writes colour (planar, plane stride width*height) and final transmittance of the tile's pixels, and
 /// to block_masks[k] the blocks in which instance k was evaluated. Returns the number of instances processed until
-/// every pixel was finished; masks behind it are not written.
+/// every pixel was finished; later masks are not written.
 template <class Real>
 std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, Real* image, Real* transmittance) {
     using L = Lanes<Real>;
@@ -149,8 +149,8 @@ void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, 
 
 // The medians of one 16x16 tile on the CPU (docs/math/rasterizer.md#median).
 
-/// Writes the colour of each pixel's median to image, planar (3,H,W), for a tile that blend_tile processed before; 0
-/// where transmittance stays above 1/2.
+/// Writes the colour of each pixel's median to image, planar (3,H,W), for a tile already processed by blend_tile; 0 if
+/// transmittance stays above 1/2.
 template <class Real>
 void median_tile(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks, Real* image) {
     using L = Lanes<Real>;
@@ -183,8 +183,8 @@ void median_tile(const TileInput<Real>& in, std::int64_t num_processed, const st
 
 // Scores the Gaussians of one 16x16 tile on the CPU (docs/math/densification.md#pruning-by-score).
 
-/// Writes the sums of (dI/dG)^2 over the tile's pixels to sums[slot], for the instances that blend_tile processed
-/// before. image: planar (3,H,W); transmittance: (H,W).
+/// Writes the sums of (dI/dG)^2 over the tile's pixels to sums[slot], for the instances that blend_tile has processed.
+/// image: planar (3,H,W); transmittance: (H,W).
 template <class Real>
 void score_tile(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks,
                 const Real* image, const Real* transmittance, Real* sums) {

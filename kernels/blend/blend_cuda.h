@@ -2,10 +2,10 @@
 // Blending on the device: forward per pixel (docs/math/rasterizer.md#blending), backward per chunk of a tile's list
 // (docs/math/rasterizer.md#blend-gradient).
 //
-// A warp owns 8x4 pixels of a tile, the sub-tile, or in tiles with long lists a quarter of one. The forward pass tests
-// each splat against all sub-tiles of a tile, and notes which splats changed a pixel of which; the backward pass visits
-// only those. The backward pass cuts a long list into chunks. Each starts from the state that the forward pass saved
-// there.
+// A warp owns a sub-tile, which is 8x4 pixels of a tile, or a quarter of a sub-tile in tiles with long lists. The
+// forward pass tests each splat against all sub-tiles of a tile, and records which splats changed a pixel of which
+// sub-tile; the backward pass visits only these. The backward pass cuts a long list into chunks. Each chunk starts from
+// the state that the forward pass saved there.
 #pragma once
 
 #include <span>
@@ -21,8 +21,8 @@
 
 namespace gs {
 
-/// The number of instances of a tile between two saved states. It is small enough that the backward pass of the longest
-/// list spreads over the device, and large enough that states (16 bytes a pixel) take little memory.
+/// Number of instances of a tile between two saved states. It is small enough to spread the backward pass of the
+/// longest list over the device, and large enough for the states (16 bytes a pixel) to take little memory.
 inline constexpr int kChunk = 192;
 inline constexpr int kSubX = 8, kSubY = 4, kSubTiles = kCudaTilePixels / 32;
 
@@ -35,33 +35,33 @@ struct alignas(16) PackedSums {
     __device__ SplatSums<float> sums() const { return {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x}; }
 };
 
-/// A part of a tile's list. A warp walks it for two of the tile's sub-tiles, one after the other.
+/// A part of a tile's list. One warp processes it for two of the tile's sub-tiles, one after the other.
 struct alignas(16) BlendChunk {
     std::uint32_t tile, tile_begin;  ///< the tile, and the first instance of its list
     std::uint32_t first;             ///< instances first .. first+kChunk of the tile
     std::uint32_t corner;            ///< the tile's first pixel: x | y << 16
 };
 
-/// What the forward pass keeps for the backward pass.
+/// Data of the forward pass that the backward pass needs.
 struct BlendTrail {
-    float4* checkpoints = nullptr;  ///< (chunks but the first of each tile, 192): colour so far and transmittance
+    float4* checkpoints = nullptr;  ///< (chunks except the first of each tile, 192): colour so far and transmittance
     BlendChunk* chunks = nullptr;
-    std::uint32_t* hits = nullptr;       ///< by 32 instances and sub-tile: which of them changed a pixel of it
+    std::uint32_t* hits = nullptr;       ///< bit mask per 32 instances and sub-tile: instances that changed a pixel
     std::uint32_t* processed = nullptr;  ///< by tile and sub-tile: instances until all its pixels were finished
-    unsigned* next_item = nullptr;       ///< the next chunk and two sub-tiles for a warp of the backward pass
-    float4* zeros = nullptr;             ///< what the forward pass sets to 0 beside its work
+    unsigned* next_item = nullptr;       ///< index of the backward pass's next chunk and pair of sub-tiles
+    float4* zeros = nullptr;             ///< memory that the forward pass also sets to 0
     std::size_t num_zeros = 0;
 };
 
-/// Gradients that go into and come out of the backward pass.
+/// Input and output gradients of the backward pass.
 struct BlendGradients {
     const float* dL_dimage;  ///< (3,H,W)
     PackedSums* sums;        ///< (n)
     std::int64_t n;
-    const SlotMap* slots;  ///< null: float atomics add to the sums, which are 0 before
+    const SlotMap* slots;  ///< null: float atomics add to the sums, which must be 0 before
 };
 
-/// What a view is blended into.
+/// Output images of a blend.
 struct BlendImage {
     int width, height;
     Vec3<float> background;
@@ -71,48 +71,49 @@ struct BlendImage {
 
 class CudaBlend {
   public:
-    /// Takes the buffers that live from the forward to the backward pass. A forward pass for a backward pass sets the
-    /// first `num_sums` of `sums`, which stay where they are until then, to 0.
+    /// Takes the buffers that live from the forward to the backward pass. A forward pass with a backward pass sets the
+    /// first `num_sums` of `sums` to 0. They must not move until the backward pass.
     void take(Carver& c, std::int64_t capacity, int num_tiles, PackedSums* sums, std::int64_t num_sums);
     /// Takes the buffer that only the backward pass with a fixed order of sums uses.
     void take_partial_sums(Carver& c, std::int64_t capacity);
 
-    /// Returns what must be 0 before a forward pass for a backward pass: the blocks that share a tile add to it.
+    /// Returns the memory that must be 0 before a forward pass with a backward pass: blocks that share a tile add to
+    /// it.
     std::span<uint4> marks() const { return marks_; }
     /// Blends a view into `image`. With `for_backward` it keeps the lists and states for backward().
     void forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control,
                  bool for_backward, cudaStream_t stream);
     /// Adds to the sums. The order of float atomics varies from run to run. With slots, sums are written instead, each
-    /// added up in the order of its instances; those of invisible Gaussians are left alone.
+    /// added up in the order of its instances; the sums of invisible Gaussians are left unchanged.
     void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image,
                   const BlendGradients& gradients, const StepControl* control, cudaStream_t stream);
-    /// Makes ready for another backward pass of the same forward pass: sums and work done are 0 again.
+    /// Prepares another backward pass of the same forward pass: resets the sums and the work counter to 0.
     void begin_again(cudaStream_t stream);
 
   private:
     std::int64_t capacity_ = 0;
-    std::span<uint4> marks_;  ///< hits and counts of processed instances, which lie behind each other
+    std::span<uint4> marks_;  ///< hits, followed by the counts of processed instances
     BlendTrail trail_;
     PackedSums* partial_ = nullptr;  ///< (slots, sub-tiles)
 };
 
 // The medians of a view's pixels on the device (docs/math/rasterizer.md#median).
 
-/// Replaces the colours of a view that was blended into `image` by those of the pixels' medians; 0 if transmittance
-/// stays above 1/2.
+/// Replaces the colours of a view blended into `image` by the median colours of the pixels; 0 if transmittance stays
+/// above 1/2.
 void write_medians(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, cudaStream_t stream);
 
 // The scores of all Gaussians on the device, gathered view by view (docs/math/densification.md#pruning-by-score).
 
-/// The scores of n Gaussians. It holds 4 bytes a Gaussian while it lives, and 24 bytes an instance more with a fixed
-/// order of sums.
+/// The scores of n Gaussians. Holds 4 bytes per Gaussian while it lives, plus 24 bytes per instance with a fixed order
+/// of sums.
 class CudaScores {
   public:
     /// Starts with scores of zero.
     CudaScores(std::int64_t n, cudaStream_t stream);
 
-    /// Adds a view that was blended into `image`. It uses float atomics, whose order varies from run to run. With
-    /// `slots`, which belong to `num_instances`, the order is fixed.
+    /// Adds a view that was blended into `image`. Uses float atomics, whose order varies from run to run. With `slots`,
+    /// which belong to `num_instances` instances, the order is fixed.
     void add(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const SlotMap* slots,
              std::int64_t num_instances);
 
@@ -126,16 +127,17 @@ class CudaScores {
     DeviceBuffer<float> partial_;  ///< (slots, sub-tiles)
 };
 
-/// The sums of the Gaussians of a model that have a residual.
+/// The residual sums of the Gaussians of a model that have a residual.
 class CudaResidualScores {
   public:
-    /// Returns what an object takes while it lives.
+    /// Returns the bytes that an object takes while it lives.
     static std::int64_t bytes(std::int64_t num_residuals) {
         return num_residuals * std::int64_t(sizeof(Vec3<float>) + sizeof(ResidualSums));
     }
     CudaResidualScores(std::int64_t num_residuals, cudaStream_t stream);
 
-    /// Keeps the gradients by the colours, from the backward pass of a view's error. `counts` of 0: out of view.
+    /// Keeps the gradients by the colours, from the backward pass of a view's error. A Gaussian with `counts` 0 is out
+    /// of view.
     void keep_gradients(const std::uint32_t* counts, const PackedSums* sums);
     /// Adds the view, with the sums of the backward pass of its weights.
     void add(const ParameterView<float>& params, const std::uint32_t* counts, const PackedSplat* splats,

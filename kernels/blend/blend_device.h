@@ -2,7 +2,7 @@
 // The blending of one fragment, which is a Gaussian at a pixel (docs/math/rasterizer.md#blending), and its gradient
 // (docs/math/rasterizer.md#blend-gradient).
 //
-// P is a scalar (one pixel) or Lanes (sixteen pixels); nothing here depends on which.
+// P is a scalar (one pixel) or Lanes (sixteen pixels); this code does not depend on which.
 #pragma once
 
 #include "kernels/base/lanes.h"
@@ -11,7 +11,7 @@
 
 namespace gs {
 
-/// The largest score of one fragment. Larger ones come from colours that no image holds.
+/// Largest score of one fragment. Larger scores come from colours that no image holds.
 inline constexpr double kLargestScore = 1e30;
 
 template <class P> struct FragmentAlpha {
@@ -19,11 +19,11 @@ template <class P> struct FragmentAlpha {
     P alpha;   ///< alpha before the comparison with the cutoff
 };
 
-/// Returns alpha of a splat at pixel centres (px, py). Forward and backward pass both call this function, so that they
-/// agree on which fragments count.
+/// Returns alpha of a splat at pixel centres (px, py). The forward and backward pass both call this function, so that
+/// they agree on which fragments count.
 template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
     const P dx = s.mx - px, dy = s.my - py;
-    // What depends on dx alone comes first: the backward pass on the device has it once for a column of pixels.
+    // Terms of dx alone come first: the backward pass on the device computes them once for a column of pixels.
     const P exponent = gs_fma(dy, gs_fma(s.qc, dy, s.qb * dx), s.qa * dx * dx);
     return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
 }
@@ -39,7 +39,7 @@ template <class P, class T> GS_HD auto is_blended(P alpha, P transmittance, cons
     return at_least(alpha, P(cutoffs.alpha)) & at_least(transmittance, P(cutoffs.transmittance));
 }
 
-/// Passes the light of one fragment; w = T alpha.
+/// Adds the light of one fragment to the pixel, and reduces the transmittance; w = T alpha.
 template <class P> GS_HD void pass_light(PixelForward<P>& s, P w, P cr, P cg, P cb) {
     s.r = gs_fma(w, cr, s.r);
     s.g = gs_fma(w, cg, s.g);
@@ -53,11 +53,11 @@ GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const C
     pass_light(s, select(is_blended(alpha, s.t, cutoffs), s.t * alpha, P(T(0))), cr, cg, cb);
 }
 
-/// The transmittance at which a pixel's median lies: half of its light comes from there on.
+/// Transmittance at a pixel's median: half of its light comes from the median or from behind it.
 inline constexpr double kMedianTransmittance = 0.5;
 
-/// Passes one fragment as blend_fragment does, and takes its colour if the pixel's transmittance falls to 1/2 or below
-/// there (docs/math/rasterizer.md#median). The colour begins as 0.
+/// Passes one fragment as blend_fragment does. Sets the colour to the fragment's if the pixel's transmittance falls to
+/// 1/2 or below there (docs/math/rasterizer.md#median). The colour is initially 0.
 template <class P, class T>
 GS_HD void pass_median(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
     const P half = P(T(kMedianTransmittance));
@@ -70,8 +70,8 @@ GS_HD void pass_median(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cuto
     s.t = blended.t;
 }
 
-/// The front-to-back state of a pixel in the backward pass. `behind` is dL/dpixel . (light that is still to come), so
-/// one scalar replaces three; `background`, its part from the background, is T_final dL/dpixel . bg.
+/// The front-to-back state of a pixel in the backward pass. `behind` is dL/dpixel . (light not yet passed), so one
+/// scalar replaces three; `background`, its part from the background, is T_final dL/dpixel . bg.
 template <class P> struct PixelBackward {
     P t, behind;
     P gr, gg, gb;  ///< dL/dpixel
@@ -81,7 +81,7 @@ template <class P> struct PixelBackward {
 /// The factors of one fragment's gradients: w = T alpha for the colour, h = -alpha dL/dalpha for the shape.
 template <class P> struct FragmentGradient { P w, h; };
 
-/// A fragment as it was blended. All but `inverse` are 0 if it was not.
+/// A fragment after blending. All fields except `inverse` are 0 if it was not blended.
 template <class P> struct PassedFragment {
     P alpha;
     P w;        ///< T alpha
@@ -89,26 +89,26 @@ template <class P> struct PassedFragment {
     P inverse;  ///< 1 / (1 - alpha)
 };
 
-/// Returns 1 / (1 - alpha), with the floor of the backward pass.
+/// Returns 1 / (1 - alpha), with the lower bound of the backward pass.
 template <class P, class T> GS_HD P inverse_passed(P alpha) {
     return reciprocal(lane_max(P(T(1)) - alpha, P(T(kMinOneMinusAlpha))));
 }
 
-/// Passes one fragment on the way from front to back. `t`, `behind` and `background` are those of PixelBackward;
-/// color_gradient is dL/dpixel . colour of the fragment.
+/// Passes one fragment from front to back. `t`, `behind` and `background` are fields of PixelBackward; color_gradient
+/// is dL/dpixel . colour of the fragment.
 template <class P, class T>
 GS_HD PassedFragment<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient,
                                       const Cutoffs<T>& cutoffs) {
     alpha = select(is_blended(alpha, t, cutoffs), alpha, P(T(0)));
     const P w = t * alpha, color = w * color_gradient;
     t = t - w;
-    // Nothing but the background lies behind the fragment that finishes a pixel. Setting `behind` to it removes the one
-    // badly conditioned case: rounding noise times 1/(1-alpha), which is up to 1e6.
+    // Only the background lies behind the fragment that finishes a pixel. Setting `behind` to it removes the one badly
+    // conditioned case: rounding noise times 1/(1-alpha), which is up to 1e6.
     behind = select(at_least(t, P(cutoffs.transmittance)), behind - color, background);
     return {alpha, w, color, inverse_passed<P, T>(alpha)};
 }
 
-/// Returns the factor h of a passed fragment; `behind` is dL/dpixel . (light that is still to come behind it).
+/// Returns the factor h of a passed fragment; `behind` is dL/dpixel . (light from behind the fragment).
 template <class P> GS_HD P shape_factor(const PassedFragment<P>& f, P behind) {
     return gs_fma(f.alpha * f.inverse, behind, -f.color);
 }
@@ -130,7 +130,7 @@ GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P colo
 template <class P> struct PixelScore {
     P t, behind, background;
 
-    /// Returns the first state of a pixel with this colour and final transmittance.
+    /// Returns the initial state of a pixel with this colour and final transmittance.
     template <class T> static GS_HD PixelScore of(const Vec3<T>& color, T transmittance, const Vec3<T>& bg) {
         const T background = transmittance * (bg.x + bg.y + bg.z);
         return {P(T(1)), P(color.x + color.y + color.z), P(background)};
@@ -138,8 +138,8 @@ template <class P> struct PixelScore {
 };
 
 /// Returns (dI/dG)^2 of one fragment, where G = alpha / opacity is the Gaussian's value
-/// (docs/math/densification.md#pruning-by-score). A value that is not finite counts as 0: such a Gaussian is worth no
-/// more than one that was never seen.
+/// (docs/math/densification.md#pruning-by-score). A value that is not finite counts as 0, like a Gaussian that was
+/// never seen.
 template <class P, class T>
 GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const Cutoffs<T>& cutoffs) {
     const P t = s.t;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the residual of a Gaussian is worth to all training views (docs/math/residuals.md).
+// Value of a Gaussian's residual for all training views (docs/math/residuals.md).
 //
-// It comes from two sums of the backward pass per view and Gaussian: G, the gradient of half the squared error by the
-// Gaussian's colour, and W, the sum of its blending weights, which stands for the curvature if neighbours change alike.
+// It is computed from two sums of the backward pass per view and Gaussian: G, the gradient of half the squared error by
+// the Gaussian's colour, and W, the sum of its blending weights, which approximates the curvature if neighbours change
+// alike.
 #pragma once
 
 #include <vector>
@@ -17,7 +18,7 @@ namespace gs {
 struct ResidualSums {
     float weight, change[3], change_squared, gradient[3], gradient_change;
 
-    /// Adds a view that shows the Gaussian in `color`, and would show it in `base` without its residual.
+    /// Adds a view in which the Gaussian has colour `full`, and would have colour `base` without its residual.
     GS_HD void add(float w, const Vec3<float>& dL_dcolor, const Vec3<float>& full, const Vec3<float>& base) {
         const float g[3] = {dL_dcolor.x, dL_dcolor.y, dL_dcolor.z},
                     r[3] = {full.x - base.x, full.y - base.y, full.z - base.z};
@@ -27,7 +28,7 @@ struct ResidualSums {
             gradient[k] += g[k], gradient_change += g[k] * r[k];
         }
     }
-    /// Returns by how much the error grows if the Gaussian is seen in its mean colour from everywhere.
+    /// Returns the increase of the error if the Gaussian has its mean colour from all directions.
     GS_HD float worth() const {
         if (!(weight > 0)) return 0;
         float mean_squared = 0, mean_gradient = 0;
@@ -35,8 +36,8 @@ struct ResidualSums {
             mean_squared += change[k] * change[k] / weight, mean_gradient += gradient[k] * change[k] / weight;
         return 0.5f * (change_squared - mean_squared) - (gradient_change - mean_gradient);
     }
-    /// Returns the base colour that shows the mean colour of a Gaussian whose base is `base`, which it stays where no
-    /// view shows the Gaussian.
+    /// Returns the base colour that reproduces the mean colour of a Gaussian. `base` is its current base colour, which
+    /// is returned if no view shows the Gaussian.
     GS_HD Vec3<float> mean_base(ColorActivation activation, const Vec3<float>& base) const {
         if (!(weight > 0)) return base;
         const Vec3<float> shown = activate(activation, base);
@@ -45,14 +46,14 @@ struct ResidualSums {
     }
 
   private:
-    /// Beyond 1, where only some activations reach, these only add a half.
+    /// Inverts the activation. Above 1, which only unbounded activations reach, they just add 0.5.
     GS_HD static float inverse(ColorActivation activation, float color) {
         const bool unbounded = activation == ColorActivation::kRelu || activation == ColorActivation::kSoftplus;
         return unbounded && color >= 1 ? color - 0.5f : inverse_color_activation(activation, color);
     }
 };
 
-/// Returns the scores of all Gaussians, of which the first have sums. `bases` (n,3): the base colours.
+/// Returns the scores of all Gaussians, of which the first ones have sums. `bases` (n,3): the base colours.
 inline ResidualScores residual_scores_of(const std::vector<ResidualSums>& sums, ColorActivation activation,
                                          std::vector<float> bases) {
     ResidualScores out{std::vector<float>(bases.size() / 3, 0.0f), std::move(bases)};

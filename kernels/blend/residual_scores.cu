@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gathers what residuals are worth, on the device.
+// Gathers the values of residuals on the device.
 #include "kernels/blend/blend_cuda.h"
 
 namespace gs {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the medians of pixels and scores Gaussians on the device. Both walk the lists of the forward pass again: frames
-// that do not ask for medians pay nothing for them, and a fragment's score needs the final colour of its pixel.
+// Finds the medians of pixels and scores Gaussians on the device. Both process the lists of the forward pass again:
+// frames without medians have no extra cost, and a fragment's score needs the final colour of its pixel.
 #include "kernels/blend/blend_cuda.h"
 #include "kernels/blend/sub_tile_cuda.h"
 
 namespace gs {
 namespace {
 
-/// Writes the medians of a tile. A warp walks the list for a sub-tile until all its pixels have theirs.
+/// Writes the medians of a tile. A warp processes the list for a sub-tile until all its pixels have a median.
 __global__ void __launch_bounds__(kCudaTilePixels)
     find_medians(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image) {
     __shared__ PackedSplat batches[kSubTiles][32];
@@ -42,7 +42,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
     image.rgb[i] = p.r, image.rgb[i + plane] = p.g, image.rgb[i + 2 * plane] = p.b;
 }
 
-/// Sums the scores of each sub-tile with a warp, which walks the whole list. `out` is (Gaussians), or (slots,
+/// Sums the scores of each sub-tile with one warp, which processes the whole list. `out` is (Gaussians), or (slots,
 /// sub-tiles) with a fixed order.
 template <bool kFixedOrder>
 __global__ void __launch_bounds__(kCudaTilePixels)
@@ -55,7 +55,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
     PackedSplat* batch = batches[warp];
     std::uint32_t* targets = all_targets[warp];
-    PixelScore<float> p{};  // pixels outside of the image have no transmittance left
+    PixelScore<float> p{};  // pixels outside the image have no transmittance left
     if (pixel.x < image.width && pixel.y < image.height) {
         const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x,
                           plane = std::size_t(image.width) * image.height;
@@ -77,7 +77,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         const int place = __popc(hits & ((1u << lane) - 1)), count = __popc(hits);
         if (hit) batch[place] = mine, targets[place] = instance;
         __syncwarp();
-        float of_lane = 0;  // the sum of the lane-th splat
+        float of_lane = 0;  // sum of the lane-th splat
         for (int k = 0; k < count; ++k) {
             const FragmentShape<float> shape = batch[k].shape();
             const Vec3<float> color = batch[k].color();
@@ -95,7 +95,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
     }
 }
 
-/// Adds up the instances of a Gaussian in their order, and the sub-tiles of each in theirs; one thread per Gaussian.
+/// Adds up the instances of a Gaussian in order, and the sub-tiles of each in order; one thread per Gaussian.
 __global__ void add_partial_scores(std::int64_t n, SlotMap slots, const float* __restrict__ partial,
                                    float* __restrict__ scores) {
     const std::int64_t k = std::int64_t(blockIdx.x) * 256 + threadIdx.x;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The layout of threads, pixels and batches of splats in the blend kernels. Only the .cu files of this folder include
-// it.
+// this header.
 #pragma once
 
 #include "kernels/blend/blend_cuda.h"
@@ -16,8 +16,8 @@ __device__ inline int2 sub_tile_corner(int2 tile_corner, int warp) {
 }
 __device__ inline int2 pixel_of(int2 sub_tile, int lane) { return {sub_tile.x + (lane & 7), sub_tile.y + (lane >> 3)}; }
 
-/// Returns which of a tile's sub-tiles a splat reaches, as bits, or which of their parts: rectangles of `size` pixels
-/// that begin at `offset` of each sub-tile.
+/// Returns the sub-tiles of a tile that a splat reaches, as bits. With a smaller `size`, tests a part of each sub-tile:
+/// the rectangle of `size` pixels that begins at `offset`.
 __device__ inline unsigned reached_sub_tiles(const Splat<float>& s, int2 tile_corner, int2 offset, int2 size) {
     const EllipseRows rows(s);
     const float x = tile_corner.x + offset.x + 0.5f - s.mean.x, y = tile_corner.y + offset.y + 0.5f;
@@ -38,11 +38,10 @@ __device__ inline bool reaches(const Splat<float>& s, int2 corner) {
     return EllipseRows(s).between(y, y + (kSubY - 1)).meets(x, x + (kSubX - 1));
 }
 
-/// Returns the place of the lists of a tile's first 32 instances. Those of the next instances follow.
+/// Returns the index of the lists of a tile's first 32 instances. The lists of the next instances follow.
 __device__ inline std::size_t first_group(int tile, std::uint32_t tile_begin) { return tile_begin / 32 + tile; }
 
-/// Returns the place of the state that is saved before a tile's instance `first`, the first of a chunk but not of the
-/// tile.
+/// Returns the index of the state saved before a tile's instance `first`, which begins a chunk but not the tile.
 __device__ inline std::size_t checkpoint_before(std::uint32_t tile_begin, std::uint32_t first) {
     return tile_begin / kChunk + first / kChunk - 1;
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The loss on the device in two kernels: one makes SSIM's derivative maps, the other the gradient. A block filters a
+// The loss on the device in two kernels: one computes SSIM's derivative maps, the other the gradient. A block filters a
 // 32x32 tile of one channel with its 5-pixel border, first the rows, eight outputs a thread, then the columns, four
-// outputs a thread. So a value that is read once from shared memory serves several taps. It is built with fast
-// divisions and square roots, and without denormals (kernels/CMakeLists.txt).
+// outputs a thread. So a value read once from shared memory serves several taps. It is compiled with fast divisions and
+// square roots, and without denormals (kernels/CMakeLists.txt).
 #include <climits>
 #include <type_traits>
 
@@ -18,7 +18,7 @@ constexpr int kTapCount = 2 * kSsimRadius + 1;
 
 struct LossArgs {
     CudaLossInput in;
-    float l1_weight = 0, ssim_weight = 0;  ///< of a value in the means
+    float l1_weight = 0, ssim_weight = 0;  ///< weight of a value in the means
     SsimTaps<float> taps{};
 
     __device__ float tap(int k) const { return taps.g[k < kSsimRadius ? kSsimRadius - k : k - kSsimRadius]; }
@@ -29,8 +29,8 @@ struct LossArgs {
 __device__ float component(unsigned char x) { return x * (1.0f / 255.0f); }
 __device__ float component(float x) { return x; }
 
-/// A thread's pixels: kCount of one column, in every `step`-th row. Those outside of the image count as 0. Where the
-/// image has all of them (kInside), no bounds are checked.
+/// A thread's pixels: kCount pixels of one column, in every `step`-th row. Pixels outside the image count as 0. If the
+/// image contains all of them (kInside), no bounds are checked.
 template <int kCount, bool kInside> class Column {
   public:
     __device__ Column(const LossArgs& a, int x, int y, int step)
@@ -40,10 +40,10 @@ template <int kCount, bool kInside> class Column {
           step_(step),
           y_(x >= 0 && x < a.in.target.width ? y : INT_MIN / 2) {}
 
-    /// Returns the place in a plane, for which 32 bits suffice: no side has 2^16 pixels (CudaEngine::enqueue_splats).
+    /// Returns the index in a plane, for which 32 bits suffice: no side has 2^16 pixels (CudaEngine::enqueue_splats).
     __device__ unsigned pixel(int u) const { return first_ + u * stride_; }
     __device__ bool has(int u) const { return kInside || unsigned(y_ + u * step_) < unsigned(height_); }
-    /// Calls fn(u, pixel) for each pixel that the image has.
+    /// Calls fn(u, pixel) for each pixel inside the image.
     template <class Fn> __device__ void for_each(Fn&& fn) const {
 #pragma unroll
         for (int u = 0; u < kCount; ++u)
@@ -55,7 +55,7 @@ template <int kCount, bool kInside> class Column {
     int height_, step_, y_;
 };
 
-/// How photographs are stored: the type of a component, and whether there is a fourth, alpha.
+/// Storage format of a photograph: the type of a component, and whether there is a fourth one, alpha.
 template <class Component, bool kAlpha> struct Stored {
     struct Texel {
         Component color, alpha;
@@ -74,9 +74,9 @@ template <class Component, bool kAlpha> struct Stored {
         }
     }
 
-    /// Weights and photograph at some pixels, all of whose loads are on their way before the first is waited for.
+    /// Weights and photograph at some pixels. All loads are issued before the first is waited for.
     template <int kCount> struct Targets {
-        float weight[kCount], value[kCount];  ///< of channel c
+        float weight[kCount], value[kCount];  ///< values of channel c
 
         template <bool kInside> __device__ Targets(const LossArgs& a, int c, const Column<kCount, kInside>& column) {
             const TargetImage& t = a.in.target;
@@ -98,7 +98,7 @@ template <class Component, bool kAlpha> struct Stored {
     };
 };
 
-/// Calls fn with how the target is stored.
+/// Calls fn with the storage format of the target.
 template <class Fn> void with_storage(const TargetImage& target, Fn&& fn) {
     if (target.u8)
         target.channels == 3 ? fn(Stored<unsigned char, false>{}) : fn(Stored<unsigned char, true>{});
@@ -106,8 +106,8 @@ template <class Fn> void with_storage(const TargetImage& target, Fn&& fn) {
         target.channels == 3 ? fn(Stored<float, false>{}) : fn(Stored<float, true>{});
 }
 
-/// A tile with its border is loaded six rows at a time, with a thread for each of their pixels: six divides its 42
-/// rows, and 252 of the 256 threads load.
+/// Rows per load step of a tile with its border, with one thread for each of their pixels: six divides its 42 rows, and
+/// 252 of the 256 threads load.
 constexpr int kRowStep = 6, kLoads = kHalo / kRowStep, kLoaders = kRowStep * kHalo;
 static_assert(kHalo % kRowStep == 0 && kLoaders <= kThreads);
 
@@ -115,14 +115,14 @@ static_assert(kHalo % kRowStep == 0 && kLoaders <= kThreads);
 struct Tile {
     int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
 
-    /// Calls fn with whether the image has all pixels of the tile and its border, as a type. Most tiles are inside.
+    /// Calls fn with whether the image contains the tile and its border, as a type. Most tiles are inside.
     template <class Fn> __device__ void with_bounds(const LossArgs& a, Fn&& fn) const {
         const bool inside = x0 >= kSsimRadius && y0 >= kSsimRadius && x0 + kTile + kSsimRadius <= a.in.target.width &&
                             y0 + kTile + kSsimRadius <= a.in.target.height;
         inside ? fn(std::true_type{}) : fn(std::false_type{});
     }
-    /// The threads that load call fn(pixels, column, row): what they load, and where the first of them lies in the
-    /// tile.
+    /// Calls fn(pixels, column, row) in the loading threads: with their pixels, and the position of the first pixel in
+    /// the tile.
     template <class Fn> __device__ void for_loads(const LossArgs& a, Fn&& fn) const {
         if (threadIdx.x >= kLoaders) return;
         const int i = threadIdx.x % kHalo, j = threadIdx.x / kHalo;
@@ -130,7 +130,7 @@ struct Tile {
             fn(Column<kLoads, inside.value>(a, x0 + i - kSsimRadius, y0 + j - kSsimRadius, kRowStep), i, j);
         });
     }
-    /// Each thread calls fn(pixels) with its pixels of the output, below each other from column i and row j on.
+    /// Calls fn(pixels) in each thread with its output pixels, one below another from column i and row j on.
     template <class Fn> __device__ void for_outputs(const LossArgs& a, int i, int j, Fn&& fn) const {
         with_bounds(a, [&](auto inside) { fn(Column<kDown, inside.value>(a, x0 + i, y0 + j, 1)); });
     }
@@ -149,8 +149,8 @@ template <int kOutputs, class Input> __device__ void filter(const LossArgs& a, f
     }
 }
 
-/// Adds up a value of each thread in the first warp, whose lanes get the sum, and returns true there. The other warps
-/// do not wait for it and get false; they must have nothing left to do. A kernel may call this once.
+/// Adds up one value of each thread in the first warp, whose lanes get the sum and return true. The other warps return
+/// false without waiting; they must have nothing left to do. A kernel may call this only once.
 __device__ bool add_up_in_first_warp(float& value) {
     constexpr int kWarps = kThreads / 32;
     __shared__ float parts[kWarps];
@@ -188,7 +188,7 @@ __global__ void __launch_bounds__(kThreads, 4)
         }
     });
     float sum = 0;
-    // Writes the maps at the thread's pixels, of ssim(o), o = 0 .. kDown - 1, and adds SSIM to the sum.
+    // Writes the maps at the thread's pixels from ssim(o), o = 0 .. kDown - 1, and adds SSIM to the sum.
     const auto write = [&](auto ssim) {
         const int i = threadIdx.x % kTile, j = threadIdx.x / kTile * kDown;
         float *const p_map = maps + block.c * plane, *const q_map = p_map + 3 * plane, *const r_map = q_map + 3 * plane;
@@ -203,8 +203,8 @@ __global__ void __launch_bounds__(kThreads, 4)
             });
         });
     };
-    // Where both pictures are the same, as behind an object on a plain background, p + 2 x q + y r is 0. All pixels
-    // that read these maps lie in the tile or its border, and are equal, too: the maps may be 0 themselves.
+    // If both images are equal, e.g. behind an object on a plain background, p + 2 x q + y r is 0. All pixels that read
+    // these maps lie in the tile or its border, and are equal, too: the maps may be 0 themselves.
     if (__syncthreads_and(equal)) {
         write([](int) { return SsimPixel<float>{1, 0, 0, 0}; });
     } else {
@@ -298,7 +298,8 @@ __global__ void __launch_bounds__(kThreads, 4)
     }
 }
 
-/// With a thread per pixel of a row and channel. Without an image it writes the weights alone. `error` may be null.
+/// Computes half the squared error with one thread per pixel of a row and channel. Without an image it only writes the
+/// weights. `error` may be null.
 template <class Storage>
 __global__ void __launch_bounds__(kThreads)
     half_squared_error_of_pixels(LossArgs a, float* __restrict__ out, double* error) {

@@ -8,20 +8,20 @@
 
 namespace gs {
 
-/// Computes the loss of images. It reuses its buffers from call to call.
+/// Computes the loss of images. Buffers are reused from call to call.
 template <class Real> class ImageLoss {
   public:
     /// Compares the render `image`, planar (3,H,W), with a target of the same size, which is composited on `background`
-    /// where it has alpha. Overwrites dL_dimage (3,H,W). With a mask, L1 is the weighted mean; SSIM sees both images
-    /// multiplied by the mask and is averaged with it. An all-zero mask gives loss 0 and gradient 0. The result does
-    /// not depend on threads, to the bit. Takes about 60 bytes per pixel and channel.
+    /// if it has alpha. Overwrites dL_dimage (3,H,W). With a mask, L1 is the weighted mean; SSIM is computed on both
+    /// images multiplied by the mask, and averaged with the mask as weight. An all-zero mask gives loss 0 and gradient
+    /// 0. The result does not depend on the number of threads, to the bit. Takes about 60 bytes per pixel and channel.
     ViewLoss compute(const Real* image, const TargetImage& target, const Vec3<float>& background,
                      const LossWeights& weights, Real* dL_dimage);
 
-    /// Not a term of the loss: scores of residuals use it. Returns half the squared error, weighted by the mask and
-    /// summed over pixels and channels, and writes its gradient to `out` (3,H,W).
+    /// Returns half the squared error, weighted by the mask and summed over pixels and channels, and writes its
+    /// gradient to `out` (3,H,W). It is not a term of the loss: scores of residuals use it.
     double half_squared_error(const Real* image, const TargetImage& target, const Vec3<float>& background, Real* out);
-    /// Writes the weight of each pixel, which its mask gives, to `out` (3,H,W): the mask, or 1.
+    /// Writes the weight of each pixel to `out` (3,H,W): its mask value, or 1 without a mask.
     void mask_weights(const TargetImage& target, Real* out) const;
 
   private:
@@ -29,7 +29,7 @@ template <class Real> class ImageLoss {
     double apply_mask(const Real* image, const std::uint8_t* mask, std::size_t pixels);
 
     std::vector<Real> target_, weight_, masked_, maps_;
-    std::vector<double> l1_sums_, ssim_sums_;  ///< (tasks) added up in order
+    std::vector<double> l1_sums_, ssim_sums_;  ///< (tasks) sums, added up in order
 };
 
 extern template class ImageLoss<float>;

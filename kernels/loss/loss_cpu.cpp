@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The loss on the CPU. Each row takes a vertical filter over 11 rows and then a horizontal one over the filtered row,
-// both along contiguous memory. No filtered image is stored. The second pass filters the three derivative maps
+// The loss on the CPU. Each row applies a vertical filter over 11 rows and then a horizontal filter to the filtered
+// row, both along contiguous memory. No filtered image is stored. The second pass filters the three derivative maps
 // likewise.
 #include "kernels/loss/loss.h"
 
@@ -14,8 +14,8 @@ namespace {
 
 constexpr int kRows = 8;  ///< rows per task
 
-/// Scratch rows, with zeros on both sides for the horizontal filter. The memory belongs to the thread and stays, so
-/// that an iteration allocates none. A thread may use one at a time.
+/// Scratch rows, with zeros on both sides for the horizontal filter. Their memory is thread-local and is reused, so
+/// that iterations allocate none. A thread may use only one object at a time.
 template <class Real> struct RowScratch {
     std::vector<Real>& data;
     int stride;
@@ -44,7 +44,7 @@ template <class Real> struct Plane {
     int width, height;
 };
 
-/// The rows of a plane that the window of row y covers, from the top; zeros beyond the plane.
+/// The rows of a plane that the window of row y covers, from top to bottom; zeros outside the plane.
 template <class Real> struct Window {
     static constexpr int kRows = 2 * kSsimRadius + 1;
     const Real* rows[kRows];
@@ -57,8 +57,8 @@ template <class Real> struct Window {
     }
 };
 
-/// Computes the vertical moments of a window: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy. Sums stay in registers over the
-/// rows.
+/// Computes the vertical moments of a window: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy. Sums stay in registers across
+/// the rows.
 template <class Real>
 void vertical_moments(const Window<Real>& a, const Window<Real>& b, const SsimTaps<Real>& taps, int width,
                       Real* const out[5]) {
@@ -89,8 +89,8 @@ template <class Real> void filter_column(const Window<Real>& in, const SsimTaps<
 }
 
 /// Computes the SSIM of a row from its filtered moments, and writes its derivatives, times `step` and the weight of the
-/// pixel, to p, q and r. Returns the weighted sum. Without weights each pixel counts 1: they are a template argument
-/// because GCC leaves a loop scalar that asks for them.
+/// pixel, to p, q and r. Returns the weighted sum. Without weights each pixel counts 1. This is a template argument
+/// because GCC does not vectorise a loop that tests for weights.
 template <bool kWeighted, class Real>
 Real ssim_row(const Real* const moments[5], const Real* weight, Real step, int width, Real* p, Real* q, Real* r) {
     const Real *mx = moments[0], *my = moments[1], *xx = moments[2], *yy = moments[3], *xy = moments[4];
@@ -122,7 +122,7 @@ Real gradient_row(const Real* render, const Real* target, const Real* const deri
     return sum;
 }
 
-/// The target as planar (3,H,W): decoded, composited on the background, clamped to [0,1].
+/// Decodes the target to planar (3,H,W): composited on the background, clamped to [0,1].
 template <class Real> void decode_target(const TargetImage& t, const Vec3<float>& background, std::vector<Real>& out) {
     const std::size_t pixels = std::size_t(t.width) * t.height;
     out.resize(3 * pixels);
@@ -197,7 +197,7 @@ ViewLoss ImageLoss<Real>::compute(const Real* image, const TargetImage& target, 
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(11, w);  // 5 rows filtered vertically, then these filtered in both directions, and zeros
+        RowScratch<Real> v(11, w);  // 5 rows filtered vertically, 5 filtered in both directions, and zeros
         const Real* const zeros = v.row(10);
         Real* const vertical[5] = {v.row(0), v.row(1), v.row(2), v.row(3), v.row(4)};
         Real* const filtered[5] = {v.row(5), v.row(6), v.row(7), v.row(8), v.row(9)};
@@ -213,7 +213,7 @@ ViewLoss ImageLoss<Real>::compute(const Real* image, const TargetImage& target, 
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(5, w);  // a row filtered vertically, then three filtered in both directions, and zeros
+        RowScratch<Real> v(5, w);  // a row filtered vertically, 3 filtered in both directions, and zeros
         const Real* const zeros = v.row(4);
         Real* const filtered[3] = {v.row(1), v.row(2), v.row(3)};
         double l1_sum = 0;

@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// The half width of the SSIM window, which has 11 taps and sigma 1.5.
+/// Half width of the SSIM window, which has 11 taps and sigma 1.5.
 inline constexpr int kSsimRadius = 5;
 inline constexpr double kSsimC1 = 0.01 * 0.01, kSsimC2 = 0.03 * 0.03;
 
@@ -25,13 +25,13 @@ template <class T> struct SsimTaps {
 /// The L1 term of a pixel and its derivative.
 template <class T> struct L1Pixel { T value, slope; };
 
-/// Computes |d| of a difference d. Its derivative at 0 is 0. It has no branches, so that loops over it vectorise.
+/// Computes |d| and its derivative, which is 0 at d = 0. It has no branches, so that loops over it vectorise.
 template <class T> GS_HD L1Pixel<T> l1_pixel(T d) {
     const T sign = (d > T(0) ? T(1) : T(0)) - (d < T(0) ? T(1) : T(0));
     return {d * sign, sign};
 }
 
-/// SSIM and its derivatives p, q, r by the filtered x (total, through mu1), x^2 and x y.
+/// SSIM and its derivatives p, q, r with respect to the filtered x (total, through mu1), x^2 and x y.
 template <class T> struct SsimPixel { T ssim, p, q, r; };
 
 /// Computes the SSIM of a pixel. x is the render, y the target; mx = G*x, exx = G*x^2, and so on. It has no branches,
