@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adaptive density control on the device. It first decides the fate of every row; then one gather builds the model.
+// Adaptive density control on the device. It first decides the fate of every row; then a single gather builds the new
+// model.
 #include <cub/device/device_radix_sort.cuh>
 
 #include "kernels/densify/adc_device.h"
@@ -10,7 +11,7 @@
 namespace gs {
 namespace {
 
-/// The fate of a row; several may hold.
+/// The fate of a row; several flags may be set.
 enum Fate : unsigned char { kGrows = 1, kOriginalStays = 2, kCloneStays = 4, kChildrenStay = 8 };
 
 struct HasFate {
@@ -55,7 +56,7 @@ __global__ void decide_fates(std::int64_t n, AdcRule rule, const float* raw_opac
     const std::int64_t i = thread_row();
     bool cloned = false, split = false;
     unsigned char fate = 0;
-    if (i < n) {  // all threads of the block take part in the counting
+    if (i < n) {  // all threads of the block take part in counting
         const float scale = max_log_scale(log_scales + 3 * i);
         const bool grows = fates[i] & kGrows;
         cloned = grows && rule.is_small(scale), split = grows && !cloned;
@@ -78,7 +79,7 @@ __global__ void list_children(std::int64_t n, const std::uint32_t* parents, std:
     if (k < n) order[k] = parents[k / 2];
 }
 
-/// Turns the rows from `first` on, which are two copies of each parent, into children.
+/// Converts the rows from `first` on, which are two copies of each parent, to children.
 __global__ void make_children(std::int64_t n, std::int64_t first, const std::uint32_t* order, float* means,
                               float* log_scales, const float* rotations, std::int64_t iteration, std::uint64_t seed) {
     const std::int64_t k = thread_row(), row = first + k;
@@ -108,12 +109,12 @@ struct AdcSpace {
     std::int64_t* num_selected = nullptr;
     std::uint32_t* growers[2] = {};  ///< growers and ranks exist only with a cap
     float* ranks[2] = {};
-    std::uint32_t *order = nullptr, *parents = nullptr;  ///< in the place of growers and ranks
+    std::uint32_t *order = nullptr, *parents = nullptr;  ///< in the memory of growers and ranks
     CubSpace cub;
     RowSlice slice;
 
-    /// Takes memory for the rows of `model`, of which at most `room` grow. `block`: bytes of the scratch before it was
-    /// carved.
+    /// Takes memory for the rows of `model`, of which at most `room` grow. `block`: size of the scratch in bytes before
+    /// carving.
     void take(Carver& c, const CudaModel& model, std::int64_t room, bool capped, std::int64_t block) {
         const std::int64_t n = model.count;
         fates = c.take<unsigned char>(n), counts = c.take<AdcCounts>(1), num_selected = c.take<std::int64_t>(1);
@@ -127,8 +128,8 @@ struct AdcSpace {
     }
 };
 
-/// Makes room for `total` rows, and for some more up to the cap (0: none), so that the next densification needs no new
-/// memory.
+/// Makes room for `total` rows, and for some more up to the cap (0: no cap), so that the next densification needs no
+/// new memory.
 void make_room(CudaModel& model, std::int64_t total, std::int64_t cap, cudaStream_t stream) {
     if (has_room(model, total)) return;
     GS_CUDA(cudaStreamSynchronize(stream));
@@ -207,7 +208,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
         GS_CUDA_LAUNCHED("list_children");
     }
     make_room(model_, total, params.cap, stream_);
-    model_.has_statistic = false;  // it starts anew
+    model_.has_statistic = false;  // it restarts
     gather_rows(model_, space.order, kept, total, space.slice, stream_);
     if (children > 0) {
         make_children<<<num_blocks(children, kRowBlock), kRowBlock, 0, stream_>>>(

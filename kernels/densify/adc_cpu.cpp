@@ -74,7 +74,7 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
             ++stats.pruned;
     }
     if (keep.empty() && !params.may_remove_all) throw_nothing_left(params, iteration, s.count);
-    s.gradient_sum.clear();  // the statistic starts anew
+    s.gradient_sum.clear();  // the statistic restarts
     s.gradient_count.clear();
     gather_rows(s, keep);
     residuals.resolve();

@@ -10,9 +10,10 @@
 
 namespace gs {
 
-/// The logit of opacity 0.01, to which a reset lowers opacities.
+/// Logit of opacity 0.01, the limit to which a reset lowers opacities.
 inline constexpr float kResetLogit = -4.595119953155518f;
-/// The logarithm of 1.6, by which the children of a split are smaller. It is a constant so that no backend computes it.
+/// Logarithm of 1.6, the factor by which the children of a split are smaller. It is a constant so that no backend
+/// computes it.
 inline constexpr float kLogSplitShrink = 0.4700036292457356f;
 
 /// Returns a raw opacity after the reset. NaN stays NaN.
@@ -23,7 +24,7 @@ GS_HD float max_log_scale(const float* s) {
     return m < s[2] ? s[2] : m;
 }
 
-/// The thresholds of one densification. The host takes their logarithms.
+/// The thresholds of one densification. The host computes their logarithms.
 struct AdcRule {
     float grad_threshold, dense, min_logit, large;
 
@@ -34,18 +35,18 @@ struct AdcRule {
     GS_HD bool grows(float gradient_sum, float views) const {
         return gradient_sum >= grad_threshold * gs_max(views, 1.0f);
     }
-    /// Returns whether a Gaussian that grows is cloned; otherwise it is split.
+    /// Returns whether a growing Gaussian is cloned; otherwise it is split.
     GS_HD bool is_small(float max_scale) const { return max_scale <= dense; }
     GS_HD bool is_kept(float raw_opacity, const float* q, float max_scale) const {
         return raw_opacity >= min_logit && usable_rotation(q) && !(max_scale > large);
     }
 };
 
-/// Returns the sort key of a grower, which puts the strongest mean gradient first.
+/// Returns the sort key of a growing row; the strongest mean gradient comes first.
 GS_HD float adc_rank(float gradient_sum, float views) { return -gradient_sum / gs_max(views, 1.0f); }
 
-/// Turns a copy of row `parent` into its child 0 or 1, with a place drawn from the parent's distribution and a smaller
-/// scale.
+/// Converts a copy of row `parent` to its child 0 or 1, with a position drawn from the parent's distribution and a
+/// smaller scale.
 GS_HD void make_split_child(float* mean, float* log_scale, const float* q, std::uint32_t parent, std::uint32_t child,
                             std::int64_t iteration, std::uint64_t seed) {
     float xi[4];

@@ -19,7 +19,7 @@ struct IsDead {
     }
 };
 
-/// The sampling weight of a row where dead ones are relocated, which are not drawn themselves.
+/// Sampling weight of a row for relocating dead rows, which are not drawn themselves.
 struct LivingWeight {
     IsDead is_dead;
     __host__ __device__ std::uint64_t operator()(std::uint32_t i) const {
@@ -27,10 +27,10 @@ struct LivingWeight {
     }
 };
 
-/// The sampling weight of a row where the model grows.
+/// Sampling weight of a row for growing the model.
 struct GrowthWeight {
     const float *raw_opacities, *base_second_moments;  ///< the latter is null if only opacity counts
-    const float* last_step;                            ///< or null if all take each step
+    const float* last_step;                            ///< null if all rows take each step
     double step;
     __host__ __device__ std::uint64_t operator()(std::uint32_t i) const {
         if (!base_second_moments) return sampling_weight(raw_opacities[i]);
@@ -61,7 +61,7 @@ __global__ void clear_rows(std::int64_t n, const std::uint32_t* rows, int width,
     for_row_values(n, width, [=](std::int64_t k, unsigned c) { data[std::int64_t(rows[k]) * width + c] = 0.0f; });
 }
 
-/// Copies row from[k] to row to[k], or to row first + k without a list. No row is both source and target.
+/// Copies row from[k] to row to[k], or to row first + k if `to` is null. No row is both source and target.
 __global__ void copy_rows(std::int64_t n, const std::uint32_t* to, std::int64_t first, const std::uint32_t* from,
                           int width, float* data) {
     for_row_values(n, width, [=](std::int64_t k, unsigned c) {
@@ -70,7 +70,7 @@ __global__ void copy_rows(std::int64_t n, const std::uint32_t* to, std::int64_t 
     });
 }
 
-/// The buffers of a densification in the scratch.
+/// The scratch buffers of a densification.
 struct McmcSpace {
     std::uint64_t* sums = nullptr;  ///< (n) prefix sums of the weights
     int* copies = nullptr;          ///< (n) number of times that a row was drawn
@@ -78,7 +78,7 @@ struct McmcSpace {
     std::int64_t* num_dead = nullptr;
 };
 
-/// Rows that become copies of others.
+/// Rows that are filled with copies of others.
 struct RowsToFill {
     std::int64_t num_rows;
     const std::uint32_t* list;  ///< null: the rows from n on
@@ -120,7 +120,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
                                std::uint64_t seed) {
     DensifyStats stats;
     const std::int64_t n = model_.count;
-    model_.has_statistic = false;  // the statistic is of other rows (docs/math/densification.md#mcmc)
+    model_.has_statistic = false;  // the statistic belongs to other rows (docs/math/densification.md#mcmc)
     if (n == 0) return stats;
     CudaResidualHandles residuals(model_, stream_);
     const std::int64_t target = mcmc_target(n, params);
@@ -158,7 +158,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
     if (target > n) {
         cub.run(scan_growth);
         if (read_back(space.sums + n - 1, stream_) > 0) {
-            // Only once; nothing works on the old rows any more.
+            // Only once; no kernel uses the old rows any more.
             model_.reserve_rows(std::max(params.cap, params.room));
             for (int g = 0; g < kNumGroups; ++g)
                 for (auto* moment : model_.moments(g))

@@ -10,8 +10,8 @@
 namespace gs {
 namespace {
 
-/// Turns row to[k] into a copy of the row that draw k names. Drawn rows get the opacity and scale of their share and
-/// lose their moments. The moments of the rows of `to` do not change. The rows of `to` must have no weight.
+/// Makes row to[k] a copy of the row selected by draw k. Drawn rows get the opacity and scale of their share and lose
+/// their moments. The moments of the rows in `to` do not change. The rows in `to` must have weight 0.
 void fill_rows(Gaussians& s, const std::vector<std::uint64_t>& prefix_sums, const std::vector<std::uint32_t>& to,
                float min_opacity, RngStream stream, std::int64_t iteration, std::uint64_t seed) {
     const auto n = static_cast<std::int64_t>(prefix_sums.size());
@@ -51,7 +51,7 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
         if (dead) to.push_back(static_cast<std::uint32_t>(i));
         sums[i] = total += dead ? 0 : sampling_weight(raw_opacities[i]);
     }
-    if (total > 0) {  // otherwise none is alive, and nothing moves
+    if (total > 0) {  // otherwise no row is alive, and nothing moves
         fill_rows(s, sums, to, params.min_opacity, RngStream::kRelocate, iteration, seed);
         stats.relocated = static_cast<std::int64_t>(to.size());
     }
@@ -76,7 +76,7 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
         fill_rows(s, sums, to, params.min_opacity, RngStream::kGrow, iteration, seed);
         stats.added = target - n;
     }
-    s.gradient_sum.clear();  // the statistic is of other rows (docs/math/densification.md#mcmc)
+    s.gradient_sum.clear();  // the statistic belongs to other rows (docs/math/densification.md#mcmc)
     s.gradient_count.clear();
     residuals.resolve();
     stats.count = s.count;

@@ -12,9 +12,9 @@
 
 namespace gs {
 
-// The opacity and scale of Gaussians that share one Gaussian's place (docs/math/densification.md#relocation).
+// The opacity and scale of Gaussians that share the position of one Gaussian (docs/math/densification.md#relocation).
 
-/// The largest number of copies at one place that is accounted for (the limit of the reference's table).
+/// Largest supported number of copies at one position (the limit of the reference's table).
 inline constexpr int kMaxRelocationCopies = 50;
 
 /// The opacity and scale of each of n copies.
@@ -24,8 +24,8 @@ struct Relocated {
 };
 
 /// Returns the values of n copies that together look like one Gaussian of this opacity (MCMC paper Eq. 9; the
-/// hockey-stick identity collapses the double sum to one). It uses double, because in float the alternating sum loses
-/// up to 4e-4 at n = 50.
+/// hockey-stick identity collapses the double sum to a single one). Uses double, because in float the alternating sum
+/// loses up to 4e-4 at n = 50.
 GS_HD Relocated relocate(double opacity, int n) {
     const double o = gs_min(opacity, 1 - 1.1920928955078125e-7);  // exactly 1 would cancel completely
     n = n < 1 ? 1 : (n > kMaxRelocationCopies ? kMaxRelocationCopies : n);
@@ -44,7 +44,7 @@ GS_HD bool is_dead(float raw_opacity, const float* q, float dead_logit) {
     return !(raw_opacity > dead_logit) || !usable_rotation(q);
 }
 
-/// Returns the weight of a row in draws, in units of 2^-32 of opacity; 0 for a NaN. It is an integer, because sums of
+/// Returns the weight of a row in draws, in units of 2^-32 of opacity; 0 for NaN. It is an integer, because sums of
 /// integers are exact in any order. So a parallel prefix sum draws the same rows as a serial one. 2^32 rows cannot
 /// overflow 64 bits.
 GS_HD std::uint64_t sampling_weight(float raw_opacity) {
@@ -52,9 +52,9 @@ GS_HD std::uint64_t sampling_weight(float raw_opacity) {
     return opacity >= 0 ? std::uint64_t(opacity * 4294967296.0 + 0.5) : 0;
 }
 
-/// Returns the weight of a row in draws of Gaussians that grow by opacity and gradient: the opacity times the square
-/// root of the norm of its base colour's root mean square gradient, in units of 2^-32. `second_moment` (3) is Adam's,
-/// as it was `missed` steps ago.
+/// Returns the weight of a row for growth by opacity and gradient: the opacity times the square root of the norm of the
+/// root mean square gradient of its base colour, in units of 2^-32. `second_moment` (3) is Adam's value from `missed`
+/// steps ago.
 GS_HD std::uint64_t gradient_weight(float raw_opacity, const float* second_moment, double missed) {
     const double sum = double(second_moment[0]) + second_moment[1] + second_moment[2];
     const double squared = sum * second_moment_decay(gs_max(missed, 0.0));
@@ -62,8 +62,8 @@ GS_HD std::uint64_t gradient_weight(float raw_opacity, const float* second_momen
     return weight >= 0 ? std::uint64_t(gs_clamp(weight, 0.0, 1.0) * 4294967296.0 + 0.5) : 0;
 }
 
-/// Returns the row of the k-th draw, with probability proportional to weight. prefix_sums: (n), inclusive, the last >
-/// 0.
+/// Returns the row of the k-th draw, with probability proportional to its weight. prefix_sums: (n), inclusive, the last
+/// > 0.
 GS_HD std::uint32_t draw_row(const std::uint64_t* prefix_sums, std::int64_t n, std::uint64_t seed, RngStream stream,
                              std::int64_t iteration, std::uint32_t k) {
     __extension__ using Wide = unsigned __int128;
@@ -81,7 +81,7 @@ GS_HD std::uint32_t draw_row(const std::uint64_t* prefix_sums, std::int64_t n, s
     return std::uint32_t(low);
 }
 
-/// The opacity and scale that a Gaussian and each of its copies get in place of its own.
+/// New opacity and scale of a Gaussian and each of its copies.
 struct McmcShare {
     float raw_opacity;
     float log_scale_shift;  ///< added to all three log scales
@@ -93,8 +93,8 @@ GS_HD McmcShare mcmc_share(float raw_opacity, int copies, float min_opacity) {
     return {float(gs_log(o) - gs_log1p(-o)), float(gs_log(r.scale_factor))};
 }
 
-/// Returns the number of Gaussians to grow to: 5 % more, at least one more (fewer than 20 would never grow), and up to
-/// the cap. It is never below n.
+/// Returns the target number of Gaussians: n times params.growth, at least one more (fewer than 20 would never grow by
+/// 5 %), and at most the cap. It is never below n.
 inline std::int64_t mcmc_target(std::int64_t n, const McmcParams& params) {
     return std::max(n, std::min(params.cap, std::max(n + 1, std::int64_t(params.growth * double(n)))));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Puts handles in the place of residuals, and residuals in the place of handles.
+// Replaces residuals by handles, and handles by residuals.
 #include "kernels/densify/residual_handles.h"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 namespace gs {
 namespace {
 
-/// Returns the rows that the handles of the first `count` rows in `order` name; a handle of none gives zeros.
+/// Returns the rows referred to by the handles of the first `count` rows in `order`; a null handle gives zeros.
 std::vector<float> rows_of(const std::vector<float>& handles, const std::vector<std::uint32_t>& order,
                            std::int64_t count, const std::vector<float>& data, int width) {
     std::vector<float> out(std::size_t(count) * width, 0.0f);
@@ -59,7 +59,7 @@ void ResidualHandles::resolve() {
     const auto end = std::stable_partition(order.begin(), order.end(),
                                            [&](std::uint32_t i) { return row_of_handle(handles.param[i]) >= 0; });
     const std::int64_t count = end - order.begin();
-    GroupArrays<float> out;  // before rows move, since memory may run out here
+    GroupArrays<float> out;  // before rows move, since this may run out of memory
     out.width = residuals_.width;
     out.param = rows_of(handles.param, order, count, residuals_.param, out.width);
     if (!handles.m.empty()) out.m = rows_of(handles.m, order, count, residuals_.m, out.width);

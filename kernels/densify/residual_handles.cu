@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Puts handles in the place of residuals, and residuals in the place of handles, on the device.
+// Replaces residuals by handles, and handles by residuals, on the device.
 #include "kernels/densify/rows_cuda.h"
 
 namespace gs {
@@ -54,7 +54,7 @@ CudaResidualHandles::~CudaResidualHandles() {
     if (!active_) return;
     swap_arrays();
     model_.width[kResidual] = width_, model_.without_residual = without_residual_;
-    if (model_.rows_moved) model_.broken = true;  // the residuals are no longer those of their rows
+    if (model_.rows_moved) model_.broken = true;  // the residuals no longer match their rows
 }
 
 void CudaResidualHandles::swap_arrays() {
@@ -96,7 +96,7 @@ void CudaResidualHandles::resolve(Scratch& scratch) {
         has_handle.wanted = false, selected = order + kept;
         cub.run(select);
         gather_rows(model_, order, n, n, slice, stream_);
-        // Room for some more, so that the next changes need no new memory.
+        // Allocates some more, so that the next changes need no new memory.
         const std::size_t room = std::size_t(std::min(n, kept + kept / 8)) * width_,
                           used = std::size_t(num_residuals_) * width_;
         GS_CUDA(cudaStreamSynchronize(stream_));

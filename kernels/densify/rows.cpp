@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Row operations on the host: gather, pruning, also by score, and Morton order.
+// Row operations on the host: gather, pruning (also by score), and Morton order.
 #include <algorithm>
 #include <numeric>
 
@@ -14,7 +14,7 @@ namespace {
 template <class T> void gather(std::vector<T>& data, int width, const std::vector<std::uint32_t>& order) {
     if (data.empty()) return;
     std::vector<T> out;
-    out.reserve(std::max(data.capacity(), order.size() * width));  // keeps the room reserved for growth
+    out.reserve(std::max(data.capacity(), order.size() * width));  // keeps the memory reserved for growth
     out.resize(order.size() * width);
     const std::int64_t n = static_cast<std::int64_t>(order.size());
     parallel_for(num_parts(n), [&](std::int64_t part) {

@@ -7,13 +7,13 @@
 namespace gs {
 namespace {
 
-/// The old row of each new one.
+/// The old row of each new row.
 struct InOrder {
     const std::uint32_t* order;
     __device__ std::int64_t operator()(std::int64_t row) const { return order[row]; }
 };
 
-/// The row that a handle names; -1 for none.
+/// The row that a handle refers to; -1 for none.
 struct Named {
     const std::uint32_t* handles;
     __device__ std::int64_t operator()(std::int64_t row) const { return std::int64_t(handles[row]) - 1; }
@@ -33,7 +33,7 @@ __global__ void put_columns(std::int64_t n, int width, int first, int columns, c
                    [=](std::int64_t row, unsigned c) { data[row * width + first + c] = slice[row * columns + c]; });
 }
 
-/// Makes row source(k) of `data` its row k for k < n.
+/// Moves row source(k) of `data` to row k for k < n.
 template <class Source>
 void gather_array(float* data, int width, Source source, std::int64_t n, const RowSlice& slice, cudaStream_t stream) {
     if (n == 0 || width == 0) return;
@@ -54,7 +54,7 @@ __global__ void find_nonfinite(std::int64_t n, const float* values, float larges
     if (i < n && !in_range(values[i], largest)) *found = 1;
 }
 
-/// Marks the broken rows, with a thread per row. It runs only for models that are known to have such rows.
+/// Marks the broken rows, with one thread per row. It runs only for models known to have such rows.
 __global__ void mark_nonfinite_rows(std::int64_t n, int width, const float* values, float largest, unsigned char* bad,
                                     unsigned long long* num_bad) {
     const std::int64_t i = thread_row();

@@ -10,21 +10,22 @@
 
 namespace gs {
 
-/// Like ResidualHandles. While this lives, `model` seems to be one whose Gaussians all have a residual of one value.
+/// The device version of ResidualHandles. While it lives, `model` looks like one whose Gaussians all have a residual of
+/// one value.
 class CudaResidualHandles {
   public:
-    /// `always`: for a model whose Gaussians all have a residual, too.
+    /// With `always`, also handles a model whose Gaussians all have a residual.
     CudaResidualHandles(CudaModel& model, cudaStream_t stream, bool always = false);
-    /// Puts the residuals back as they were, unless they were resolved. If rows have moved by then, which only an error
-    /// leads to, the model is broken.
+    /// Restores the original residuals, unless they were resolved. If rows have moved by then, which only happens after
+    /// an error, the model is broken.
     ~CudaResidualHandles();
     CudaResidualHandles(const CudaResidualHandles&) = delete;
     CudaResidualHandles& operator=(const CudaResidualHandles&) = delete;
 
-    /// Takes the residual from the Gaussians without a mark, as Backend::keep_residuals does. `marks` (n) and `bases`
+    /// Removes the residual of Gaussians without a mark, as Backend::keep_residuals does. `marks` (n) and `bases`
     /// (n,3), or null, are on the device, but not in the scratch.
     void keep(const unsigned char* marks, const float* bases);
-    /// Makes rows of the handles, and waits. It may use all of `scratch`.
+    /// Converts the handles back to rows, and waits. It may use all of `scratch`.
     void resolve(Scratch& scratch);
 
   private:
@@ -39,13 +40,13 @@ class CudaResidualHandles {
 };
 
 inline constexpr int kRowBlock = 256;
-/// The number of rows that one block moves. It is small, so that some thousand relocated rows still occupy the device.
+/// Number of rows moved by one block. It is small, so that a few thousand relocated rows still occupy the device.
 inline constexpr int kRowsPerBlock = 64;
-/// The size of a gather's temporary in bytes. A larger one gains nothing.
+/// Size of a gather's temporary in bytes. A larger one is not faster.
 inline constexpr std::size_t kSliceBytes = std::size_t(64) << 20;
 
-/// Calls fn(row, column) for all values of n rows of a few columns, with neighbouring threads at neighbouring values.
-/// The kernel must have num_blocks(n, kRowsPerBlock) blocks of kRowBlock threads.
+/// Calls fn(row, column) for all values of n rows of a few columns; neighbouring threads get neighbouring values. The
+/// kernel must have num_blocks(n, kRowsPerBlock) blocks of kRowBlock threads.
 template <class Fn> __device__ void for_row_values(std::int64_t n, unsigned columns, Fn fn) {
     const std::int64_t first = std::int64_t(blockIdx.x) * kRowsPerBlock, left = n - first;
     const unsigned values = unsigned(left < kRowsPerBlock ? left : kRowsPerBlock) * columns;
@@ -55,8 +56,8 @@ template <class Fn> __device__ void for_row_values(std::int64_t n, unsigned colu
 /// Returns the index of the thread in a one-dimensional grid with kRowBlock threads a block.
 __device__ inline std::int64_t thread_row() { return std::int64_t(blockIdx.x) * kRowBlock + threadIdx.x; }
 
-/// Temporary memory that the CUB calls of one function share. A call is a lambda (void*, size_t&). It may capture
-/// pointers by reference that are only carved after `ask`.
+/// Temporary memory shared by the CUB calls of one function. A call is a lambda (void*, size_t&). It may capture by
+/// reference pointers that are carved only after `ask`.
 struct CubSpace {
     unsigned char* memory = nullptr;
     std::size_t bytes = 1;
@@ -91,14 +92,14 @@ template <class T> T read_back(const T* device, cudaStream_t stream) {
     return value;
 }
 
-/// The temporary of a gather, which holds some columns of all its rows.
+/// The temporary of a gather, which holds a few columns of all its rows.
 struct RowSlice {
     float* data = nullptr;
     std::size_t floats = 0;
 };
 
-/// Takes a slice for up to `rows` rows. `block` is the scratch's size in bytes before it was carved; the slice uses the
-/// rest of it.
+/// Takes a slice for up to `rows` rows. `block` is the scratch's size in bytes before carving; the slice uses the rest
+/// of it.
 inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows, std::int64_t block) {
     const std::size_t left = std::size_t(block) > c.at() + 256 ? std::size_t(block) - c.at() - 256 : 0;
     const auto widest = std::size_t(*std::max_element(model.width, model.width + kNumGroups));
@@ -109,14 +110,14 @@ inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows,
     return slice;
 }
 
-/// Makes old row order[k] the new row k for k < total, removes rows that `order` does not name, and sets the count.
-/// Moments move along up to row `kept`; the rows from there on are copies and start with moments of 0. `order` is on
-/// the device. There must be room for `total` rows.
+/// Makes old row order[k] the new row k for k < total, removes rows that are not in `order`, and sets the count.
+/// Moments move along up to row `kept`; later rows are copies and start with moments of 0. `order` is on the device.
+/// There must be room for `total` rows.
 void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total,
                  const RowSlice& slice, cudaStream_t stream);
 
-/// Makes the row of `data` that handle k names its row k for k < n; a handle of none gives zeros
-/// (residual_handles.h). The handles are on the device.
+/// Moves the row of `data` that handle k refers to to row k, for k < n; a null handle gives zeros (residual_handles.h).
+/// The handles are on the device.
 void gather_named(const std::uint32_t* handles, std::int64_t n, int width, const RowSlice& slice, float* data,
                   cudaStream_t stream);
 
@@ -125,7 +126,7 @@ struct IsUnmarked {
     __device__ bool operator()(std::uint32_t i) const { return !marked[i]; }
 };
 
-/// A mark for each row, and the buffers that removing the marked rows needs.
+/// A mark for each row, and the buffers for removing the marked rows.
 struct PruneSpace {
     unsigned char* marked = nullptr;        ///< (n) 0 at first
     unsigned long long* num_bad = nullptr;  ///< (groups) counters, 0 at first

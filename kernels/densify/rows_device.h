@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Properties of one row: whether it can be seen, whether its values are sane, and its place on the Morton curve.
+// Properties of one row: whether it can be seen, whether its values are valid, and its position on the Morton curve.
 #pragma once
 
 #include "kernels/splat/projection_device.h"
@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// Returns the raw value of an opacity. It is for the host only, so that all backends compare with the very same float.
+/// Returns the raw value of an opacity. Only for the host, so that all backends compare with exactly the same float.
 inline float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
 /// Returns whether the quaternion of 4 values has a direction.
@@ -18,15 +18,15 @@ GS_HD bool is_visible(float raw_opacity, const float* q) {
     return sigmoid(raw_opacity) >= float(kMinAlpha) && usable_rotation(q);
 }
 
-/// The largest magnitude of the parameters of each group. Training neither gets there from sane values nor back: at its
-/// rate a base colour needs a million steps to 1e3, and the fastest residual needs 2000 steps in one direction to 5e3.
-/// A Gaussian beyond it is broken like one with a NaN, and removed likewise.
+/// Largest magnitude of the parameters of each group. Training neither reaches it from valid values nor returns from
+/// it: at its rate a base colour needs a million steps to 1e3, and the fastest residual needs 2000 steps in one
+/// direction to 5e3. A Gaussian beyond it is broken like one with a NaN, and removed likewise.
 inline constexpr float kLargestParameter[kNumGroups] = {1e15f, 1e3f, 1e8f, 1e3f, 1e3f, 5e3f};
 
 /// Returns whether |x| is at most `largest`; false for NaN.
 GS_HD bool in_range(float x, float largest) { return gs_abs(x) <= largest; }
 
-/// The box around means. It starts empty. Coordinates that are NaN do not widen it.
+/// The bounding box of the means. It is initially empty. NaN coordinates do not widen it.
 struct MeanBounds {
     static constexpr float kMax = 3.402823466e38f;
     float low[3] = {kMax, kMax, kMax}, high[3] = {-kMax, -kMax, -kMax};
@@ -53,8 +53,8 @@ GS_HD std::uint64_t spread_bits(std::uint64_t x) {
     return (x | x << 2) & 0x1249249249249249ull;
 }
 
-/// Returns the Morton code of a mean: 63 bits, 21 an axis, x lowest. All axes share one cube side
-/// (docs/math/densification.md#morton-order). A NaN counts as the low side.
+/// Returns the Morton code of a mean: 63 bits, 21 per axis, x lowest. All axes use the same cube side
+/// (docs/math/densification.md#morton-order). NaN counts as the low side.
 GS_HD std::uint64_t morton_code(const float* mean, const MeanBounds& bounds) {
     const float extent = bounds.extent();
     std::uint64_t code = 0;

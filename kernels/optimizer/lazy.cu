@@ -12,7 +12,7 @@ __global__ void fill(std::int64_t n, std::uint32_t value, std::uint32_t* out) {
     if (i < n) out[i] = value;
 }
 
-/// Takes the missed steps of all rows, with a warp per row.
+/// Takes the missed steps of all rows, with one warp per row.
 __global__ void catch_up_all(std::int64_t n, int width, LazyArgs lazy, float* __restrict__ p) {
     const std::int64_t row = (std::int64_t(blockIdx.x) * kBlock + threadIdx.x) / 32;
     const int lane = threadIdx.x & 31;

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam for the residuals of Gaussians that were out of view, on the device and where all Gaussians take each step. The
-// steps that the residuals missed have gradient zero, and are taken at once when they are next seen. (Geometry is
-// needed in every step then, and does not wait.)
+// Lazy Adam for the residuals of Gaussians that were out of view, on the device, if all Gaussians take each step. The
+// missed steps of a residual have gradient zero, and are all taken at once when the Gaussian is next seen. (Geometry is
+// needed in every step, so it is not deferred.)
 //
 // Without a gradient, k steps of Adam from (p, m, v) after step s end at m beta1^k, v beta2^k and
 //     p - sum_j a_{s+j} m beta1^j / (sqrt(v beta2^j) b_{s+j} + eps),  j = 1..k,
-// with the step size a and bias factor b of each step. Where sqrt(v) >> eps the sum is m / sqrt(v) times
-//     S_s(k) = sum_j (a_{s+j} / b_{s+j}) q^j,  q = beta1 / sqrt(beta2),
+// with the step size a and bias factor b of each step. If sqrt(v) >> eps, the sum is m / sqrt(v) times
 // which does not depend on the Gaussian. For the step t = s + k + 1 about to be taken, T_t(k) = S_{t-1-k}(k) obeys
 //     T_t(k) = T_{t-1}(k - 1) + (a_{t-1} / b_{t-1}) q^k,  T(0) = 0.
-// So one addition per entry and step keeps a table for all k up to a limit. eps matters only where gradients were about
-// 1e-14, and enters as eps / b of the last step.
+// So one addition per entry and step maintains a table for all k up to a limit. eps matters only if gradients were
+// about 1e-14, and enters as eps / b of the last step.
 #pragma once
 
 #include <array>
@@ -19,7 +18,7 @@
 
 namespace gs {
 
-/// The number of steps that a residual may lag behind. Before one lags further, all are caught up.
+/// Largest number of steps by which a residual may lag. Before one lags further, all residuals are brought up to date.
 inline constexpr int kMaxLag = 127;
 
 /// The values T_t(k) by k. The table is plain data, passed to kernels by value.
@@ -37,7 +36,7 @@ class LazySchedule {
         t.epsilon = float(epsilon_);
         return t;
     }
-    /// Advances the table after step t, which was taken with this rate.
+    /// Advances the table after step t, which had the rate `rate`.
     void advance(double rate, std::int64_t t) {
         const double inverse_b = std::sqrt(1 - std::pow(kAdamBeta2, double(t))),
                      r = rate / (1 - std::pow(kAdamBeta1, double(t))) * inverse_b;
@@ -62,7 +61,7 @@ GS_HD float catch_up_parameter(float p, float m, float v, float sum, float epsil
     return p - sum * m * reciprocal(gs_sqrt(v) + epsilon);
 }
 
-/// The factors of the moments after `lag` missed steps.
+/// Decay factors of the moments after `lag` missed steps.
 GS_HD float first_moment_decay(int lag) { return ::exp2f(float(lag) * -0.15200309344504995f); }  // log2 0.9
 GS_HD float second_moment_decay(int lag) { return second_moment_decay(float(lag)); }
 

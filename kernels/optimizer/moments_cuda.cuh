@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam's moments of the residuals in the form that kernels read and write: two floats, or one word (packed_moments.h).
+// Adam's moments of the residuals in the format of the kernels: two floats, or one word (packed_moments.h).
 #pragma once
 
 #include "kernels/cuda/cuda.h"
@@ -7,19 +7,19 @@
 
 namespace gs {
 
-/// Rows of moments. Offsets count values.
+/// Rows of moments. Offsets are in values.
 struct MomentRows {
     float* m;
-    float* v;  ///< null if m holds words of both moments
+    float* v;  ///< null if m holds packed words of both moments
 
     __device__ MomentRows at(std::int64_t first) const { return {m + first, v ? v + first : nullptr}; }
-    /// Loads the moments of a value as they are stored. They are unpacked later, so that several loads are on their way
-    /// at once.
+    /// Loads the moments of a value as they are stored. They are unpacked later, so that several loads are in flight at
+    /// once.
     __device__ void load(int at, float& mm, float& vv) const {
         mm = m[at];
         if (v) vv = v[at];
     }
-    /// Turns what load() gave into both moments.
+    /// Unpacks the result of load() to both moments.
     __device__ void unpack(float& mm, float& vv) const {
         if (v) return;
         const unsigned word = __float_as_uint(mm);
@@ -32,7 +32,7 @@ struct MomentRows {
         else
             m[at] = word(mm, vv, seed, at);
     }
-    /// Loads the moments of the four values from 4 * at on, as load() does.
+    /// Loads the moments of the four values from 4 * at on, like load().
     __device__ void load4(int at, float4& mm, float4& vv) const {
         mm = reinterpret_cast<const float4*>(m)[at];
         if (v) vv = reinterpret_cast<const float4*>(v)[at];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sum of many rows, of a step on several views.
+// The sum of many rows, for a step on several views.
 #include "kernels/optimizer/sum_rows_cuda.h"
 
 namespace gs {

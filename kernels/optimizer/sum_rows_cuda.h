@@ -8,17 +8,17 @@
 
 namespace gs {
 
-/// Rows of values, of which some are not written.
+/// Rows of values, some of which may be unwritten.
 struct SparseRows {
     float* values;         ///< (rows, width)
-    std::uint8_t* is_set;  ///< (rows) 1: the row is written; 0: it counts as zeros
+    std::uint8_t* is_set;  ///< (rows) 1: the row is written; 0: it counts as zero
 };
 
-/// The threads of a block that adds up columns, (kSumColumns, kSumThreads): eight values are 32 bytes of a row, the
-/// least that a read moves.
+/// Dimensions (kSumColumns, kSumThreads) of a block that adds up columns: eight values are 32 bytes of a row, the
+/// smallest unit of a read.
 inline constexpr int kSumThreads = 64, kSumColumns = 8;
 
-/// Returns the sum of a column in the threads whose threadIdx.y is 0. Adds in a fixed order. All threads of the block
+/// Returns the sum of a column in the threads with threadIdx.y 0. Adds in a fixed order. All threads of the block must
 /// call it; columns from `width` on have no values.
 __device__ inline float sum_of_set_rows(const SparseRows& in, int rows, int width, int column) {
     constexpr int kRowsAtOnce = 4096;

@@ -12,7 +12,7 @@
 
 namespace gs {
 
-// The SGLD noise that explores positions (docs/math/densification.md#noise).
+// The SGLD noise for exploring positions (docs/math/densification.md#noise).
 
 /// Returns the displacement of a mean: factor * sigmoid(0.5 - 100 o) * Sigma * xi. xi is standard normal and keyed on
 /// (seed, iteration, index). The displacement is zero if it could not change the mean in float, and for degenerate
@@ -30,14 +30,14 @@ GS_HD Vec3<float> sgld_noise(const GaussianGeometry<float>& g, float factor, std
     return (r * (r.transposed_times({xi[0], xi[1], xi[2]}) * var)) * gate;
 }
 
-/// The largest number of columns with rates of their own. It is bounded so that a kernel takes them as a parameter.
+/// Largest number of columns with separate rates. It is bounded so that it fits into kernel parameters.
 inline constexpr int kMaxResidualColumns = 96;
 
-/// The largest number of missed views that a Gaussian makes up for. Without a bound it could leap: its second moments
-/// vanish, while what it has of its first stays.
+/// Largest number of missed views for which a Gaussian catches up. Without a bound it could leap: its second moments
+/// vanish, while its first moments remain.
 inline constexpr float kMostMissed = 1000;
 
-/// The values that all Gaussians share in one step. They are plain data, passed to kernels by value.
+/// The values common to all Gaussians in one step. They are plain data, passed to kernels by value.
 struct UpdateArgs {
     AdamStep<float> steps[kNumGroups];
     bool per_column;  ///< whether each residual column has its own residual_steps entry
@@ -46,21 +46,21 @@ struct UpdateArgs {
     AdamGains<float> gains, shared_gains;
     float opacity_gradient;  ///< lambda_o / N
     float scale_gradient;    ///< lambda_s / 3N
-    Vec3<float> center;      ///< mean of the cameras; with the next two as in StepRequest
+    Vec3<float> center;      ///< mean of the cameras; this and the next two as in StepRequest
     float extent, far_rate;
     float noise;  ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;
     int width, height;  ///< size of the view, for the ADC statistic
-    float step, views;  ///< Adam's step, of which `views` are taken at once
+    float step, views;  ///< Adam's step after this update, which applies `views` of them at once
 
-    /// Returns the number of steps, maybe a fraction, that Gaussian i takes now; 0 if it waits. Beside this one these
-    /// are, if only visible ones take steps, those that it missed.
+    /// Returns the number of steps, possibly fractional, that Gaussian i takes now; 0 if it is deferred. If only
+    /// visible Gaussians take steps, the number includes the steps that it missed.
     GS_HD float turns(const ModelArrays& a, std::int64_t i, bool visible) const {
         if (!a.last_step) return 1;
         return visible ? 1 + gs_min(step - views - a.last_step[i], kMostMissed) / views : 0.0f;
     }
-    /// Returns the factor of a Gaussian's second moments before it takes so many steps at once. First moments stay:
-    /// what they had to give was not given yet.
+    /// Returns the decay factor of a Gaussian's second moments before it takes `turns` steps at once. First moments do
+    /// not decay: their effect has not been applied yet.
     GS_HD float decay(float turns) const { return second_moment_decay((turns - 1) * views); }
 };
 
@@ -99,13 +99,13 @@ GS_HD bool is_finite(const GaussianGradient<float>& g, const float* dL_dresidual
     const float s = zero(q.mean.x) + zero(q.mean.y) + zero(q.mean.z) + zero(q.log_scale.x) + zero(q.log_scale.y) +
                     zero(q.log_scale.z) + zero(q.raw_opacity) + zero(q.rotation.x) + zero(q.rotation.y) +
                     zero(q.rotation.z) + zero(q.rotation.w) + zero(g.base.x) + zero(g.base.y) + zero(g.base.z);
-    int broken = s != 0;  // not summed: the fixed order of a sum prevents vectorization
+    int broken = s != 0;  // not summed: a sum's fixed order would prevent vectorization
     for (int k = 0; k < residual_width; ++k) broken |= !gs_isfinite(dL_dresidual[k]);
     return broken == 0;
 }
 
-/// Zeroes a gradient that is not finite, and then returns false. One such value would stay in the moments for ever. The
-/// Gaussian stays visible.
+/// Zeroes a gradient that is not finite, and then returns false. A single such value would stay in the moments for
+/// ever. The Gaussian stays visible.
 GS_HD bool drop_nonfinite(GaussianGradient<float>& g, float* dL_dresidual, int residual_width) {
     if (!g.visible || is_finite(g, dL_dresidual, residual_width)) return true;
     g = GaussianGradient<float>{};
@@ -114,7 +114,7 @@ GS_HD bool drop_nonfinite(GaussianGradient<float>& g, float* dL_dresidual, int r
     return false;
 }
 
-/// Returns the step of a mean at p. One step is to move what is far away across as many pixels as what is near.
+/// Returns the step of a mean at p. It is scaled so that far means move across as many pixels as near ones.
 GS_HD AdamStep<float> mean_step(const UpdateArgs& u, const float (&p)[3]) {
     AdamStep<float> step = u.steps[int(Group::kMean)];
     if (u.far_rate > 0) {
@@ -125,7 +125,7 @@ GS_HD AdamStep<float> mean_step(const UpdateArgs& u, const float (&p)[3]) {
     return step;
 }
 
-/// Adds the gradient of one view, which is finite, to the statistic of ADC.
+/// Adds the gradient of one view, which must be finite, to the statistic of ADC.
 GS_HD void add_gradient_statistic(const ModelArrays& a, int width, int height, std::int64_t i,
                                   const GaussianGradient<float>& g) {
     if (!g.visible || !a.gradient_sum) return;
@@ -134,9 +134,9 @@ GS_HD void add_gradient_statistic(const ModelArrays& a, int width, int height, s
     a.gradient_count[i] += 1.0f;
 }
 
-/// Takes one step of Gaussian i except for its residual, if `turns`, as of UpdateArgs::turns, is above 0. Second
-/// moments, regularisers and noise get what all of these steps give them. `g` is its data gradient (finite; zero where
-/// invisible). It calls write(row) for each group's row at the end.
+/// Takes one step of Gaussian i except for its residual, if `turns` (UpdateArgs::turns) is above 0. Second moments,
+/// regularisers and noise get the effect of all of these steps. `g` is its data gradient (finite; zero if invisible).
+/// At the end it calls write(row) for each group's row.
 template <class Write>
 GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, float turns,
                            GaussianGradient<float>& g, Write&& write) {
@@ -151,7 +151,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
         const auto gradient = [&](float x) { return weight * gs_exp(gs_min(x, float(kMaxLogScale))); };
         g.geometry.log_scale += Vec3<float>{gradient(s[0]), gradient(s[1]), gradient(s[2])};
     }
-    // All rows are read before any is written. Writes in between would make each read wait for the one before it.
+    // All rows are read before any is written. Otherwise each read would wait for earlier writes.
     const auto& q = g.geometry;
     Row<3> mean(a, Group::kMean, i), scale(a, Group::kScale, i), base(a, Group::kBase, i);
     Row<4> rotation(a, Group::kRotation, i);
@@ -185,7 +185,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
 }
 
 /// Takes one step of a shared weight with the gradient summed over all Gaussians. Returns false if the gradient is not
-/// finite, which then counts as 0.
+/// finite; it then counts as 0.
 GS_HD bool update_shared(float& p, float& m, float& v, float gradient, const AdamStep<float>& step,
                          const AdamGains<float>& gains) {
     const bool finite = gs_isfinite(gradient);
@@ -194,14 +194,14 @@ GS_HD bool update_shared(float& p, float& m, float& v, float gradient, const Ada
     return finite;
 }
 
-/// Returns the sum of value `k` of the rows (num_rows, width), added up in their order.
+/// Returns the sum of value `k` over the rows (num_rows, width), added up in row order.
 GS_HD float sum_of_rows(const float* rows, int num_rows, int width, int k) {
     double sum = 0;
     for (int row = 0; row < num_rows; ++row) sum += rows[row * width + k];
     return float(sum);
 }
 
-/// Returns the arguments of Adam's step `t` for a request, of which `views` are taken in one step.
+/// Returns the arguments of Adam's step `t` for a request. The step covers `views` of Adam's steps at once.
 inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians, int views = 1) {
     UpdateArgs u{};
     for (int g = 0; g < kNumGroups; ++g) u.steps[g] = AdamStep<float>::at(r.rates.groups[g], t);

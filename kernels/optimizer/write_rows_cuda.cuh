@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes the rows that a warp has stepped. A lane that writes a row of three values on its own leaves every 32-byte
-// sector of its array to be written three times in parts, and sectors are what the L2 cache has too few of.
+// Writes the rows that a warp has updated. If each lane wrote its own row of three values, every 32-byte sector of the
+// array would be written three times in parts, and sectors are the scarce resource of the L2 cache.
 #pragma once
 
 #include "kernels/optimizer/update_device.h"
 
 namespace gs {
 
-/// Writes the rows of the warp's 32 Gaussians, 16 bytes a lane. All lanes must have been made alike and call it.
+/// Writes the rows of the warp's 32 Gaussians, 16 bytes a lane. All lanes must construct it alike and call it.
 class WarpRowWriter {
   public:
     /// `first` is the warp's first Gaussian, a multiple of 32.
@@ -26,8 +26,8 @@ class WarpRowWriter {
     __device__ void write(float* to, const float (&x)[4]) const {
         reinterpret_cast<float4*>(to)[lane_] = make_float4(x[0], x[1], x[2], x[3]);
     }
-    /// Lane L < 24 writes values 4 L .. 4 L + 3 of the 96. Its j-th comes from lane (4 L + j) / 3, whose value for j is
-    /// the one whose number leaves j when divided by 4.
+    /// Lane L < 24 writes values 4 L .. 4 L + 3 of the 96. The j-th of them comes from lane (4 L + j) / 3, which
+    /// provides its value whose index is j modulo 4.
     __device__ void write(float* to, const float (&x)[3]) const {
         float y[4];
 #pragma unroll

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The geometry and colour of one Gaussian: from its stored row to a splat, and from the splat's gradients to the row's.
+// The geometry and colour of one Gaussian: from its stored row to a splat, and from the splat's gradients to the row's
+// gradients.
 #pragma once
 
 #include "appearance/contract.h"
@@ -23,7 +24,8 @@ GS_HD Vec3<Real> gaussian_color(ColorActivation activation, const Vec3<Real>& ba
     return {gs_abs(d.x), gs_abs(d.y), gs_abs(d.z)};
 }
 
-/// Returns dL/dy from dL/dcolour, where y = base + residual. It is the gradient of the base colour and of the residual.
+/// Returns dL/dy from dL/dcolour, where y = base + residual. It equals the gradients of the base colour and of the
+/// residual.
 template <class Real>
 GS_HD Vec3<Real> color_backward(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual,
                                 const Vec3<Real>& dL_dcolor) {
@@ -43,7 +45,8 @@ template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real
 }
 
 /// Computes the geometry of the splat, its pixel bounds on a grid padded to whole tiles, and its depth. Returns false
-/// if the Gaussian is culled. The colour is left out: it is only worth computing once a tile is known to be touched.
+/// if the Gaussian is culled. Leaves out the colour, which is only worth computing once the Gaussian is known to touch
+/// a tile.
 template <class Real>
 GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded,
                       int height_padded, Splat<Real>& s, PixelBounds& bounds, Real& depth,
@@ -59,8 +62,8 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;
 }
 
-/// Computes the gradients of one Gaussian's geometry from its sums over pixels. `out` must be zeroed; it stays so for a
-/// Gaussian that is culled.
+/// Computes the gradients of one Gaussian's geometry from its sums over pixels. `out` must be zeroed; it stays zero for
+/// a culled Gaussian.
 template <class Real>
 GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera,
                              const SplatSums<Real>& sums, GaussianGradient<Real>& out) {
@@ -74,8 +77,8 @@ GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams
     out.geometry = project_backward(g, camera, p, splat.opacity, d);
 }
 
-/// Computes all gradients of Gaussian i, which is visible. `out` and `dL_dresidual` (of the model's width) must be
-/// zeroed. The function adds to `dL_dshared`.
+/// Computes all gradients of Gaussian i, which must be visible. `out` and `dL_dresidual` (of the model's width) must be
+/// zeroed. Adds to `dL_dshared`.
 template <class Model, class Real>
 GS_HD void gaussian_backward(const ParameterView<Real>& params, std::int64_t i, const CameraParams<Real>& camera,
                              int degree, const SplatSums<Real>& sums, GaussianGradient<Real>& out, Real* dL_dresidual,
@@ -84,7 +87,7 @@ GS_HD void gaussian_backward(const ParameterView<Real>& params, std::int64_t i, 
     const ViewDirection<Real> direction = params.direction(i, camera.position);
     const Vec3<Real> residual = model_residual<Model>(params.shared, params.residual(i), direction.unit, degree);
     out.base = color_backward(params.activation, params.base(i), residual, {sums.r, sums.g, sums.b});
-    if (!is_finite(out.base)) return;  // this Gaussian's gradient is dropped; the shared weights must not see it
+    if (!is_finite(out.base)) return;  // this Gaussian's gradient is dropped; it must not reach the shared weights
     Vec3<Real> dL_ddirection;
     model_residual_backward<Model>(params.shared, params.residual(i), direction.unit, degree, out.base, dL_dresidual,
                                    dL_ddirection, dL_dshared);

@@ -8,7 +8,7 @@
 namespace gs {
 namespace {
 
-/// Loads `n` rows, one column a vector. The lanes beyond are 0.
+/// Loads `n` rows as vectors, one per column. Lanes from `n` on are 0.
 template <int kWidth, class Real> void load_columns(const Real* rows, int n, Lanes<Real>* out) {
     Real padded[kWidth * kLanes];
     if (n < kLanes) {
@@ -36,7 +36,7 @@ template <class Real> Vec3<Lanes<Real>> lanes(const Vec3<Real>& v) {
     return {Lanes<Real>(v.x), Lanes<Real>(v.y), Lanes<Real>(v.z)};
 }
 
-/// Returns one coordinate of the corners of sixteen tiles; index(lane) is that of the tile.
+/// Returns one coordinate of the corners of sixteen tiles; index(lane) is the tile's index along that axis.
 template <class Real, class Index> Lanes<Real> tile_corners(Index index) {
     Real corners[kLanes];
     for (int lane = 0; lane < kLanes; ++lane) corners[lane] = Real(index(lane) * kCpuTile);
@@ -97,7 +97,7 @@ unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, cons
     s.threshold = splat_threshold(s.opacity, view.inverse_alpha);
     out.bounds = ellipse_bounds(s.mean, p.cov2d, touch_threshold(s), view.width_padded, view.height_padded);
     out.depth = depth;
-    const L one(Real(1));  // bounds are whole numbers
+    const L one(Real(1));  // bounds are integers
     return shown & mask_bits(at_least(out.bounds.x_max, out.bounds.x_min + one) &
                              at_least(out.bounds.y_max, out.bounds.y_min + one));
 }
@@ -109,7 +109,7 @@ std::uint32_t add_tiles(const Splat<Real>& s, const PixelBounds& b, int tiles_x,
     static_assert(kSide * kSide == kLanes);
     const int x_begin = b.x_min / kCpuTile, x_end = (b.x_max + kCpuTile - 1) / kCpuTile;
     const int y_begin = b.y_min / kCpuTile, y_end = (b.y_max + kCpuTile - 1) / kCpuTile;
-    // Most Gaussians are small: the only tile is the one with the mean, whose power is 0.
+    // Most Gaussians are small: their only tile contains the mean, where the power is 0.
     if (x_end - x_begin == 1 && y_end - y_begin == 1 && is_between(s.mean.x, x_begin * kCpuTile) &&
         is_between(s.mean.y, y_begin * kCpuTile)) {
         tiles.push_back(std::uint32_t(y_begin) * tiles_x + x_begin);

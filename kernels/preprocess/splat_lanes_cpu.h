@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sixteen Gaussians at a time to splats, and the tiles that a splat touches, on the CPU.
+// Converts sixteen Gaussians at a time to splats, and finds the tiles that a splat touches, on the CPU.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +9,10 @@
 
 namespace gs {
 
-/// The view of a camera, as sixteen Gaussians need it at once.
+/// The view of a camera in the form for sixteen Gaussians at once.
 template <class Real> struct ViewLanes {
     CameraParams<Lanes<Real>> camera;
-    Lanes<Real> width_padded, height_padded;  ///< of the grid of whole tiles
+    Lanes<Real> width_padded, height_padded;  ///< size of the grid of whole tiles
     Lanes<Real> min_opacity, inverse_alpha;
 
     static ViewLanes of(const CameraParams<Real>& camera, int width_padded, int height_padded,
@@ -25,7 +25,7 @@ template <class Real> struct SplatLanes {
     Rectangle<Lanes<Real>> bounds;
     Lanes<Real> depth;
 
-    /// Returns a splat that is shown. Its colour is undefined.
+    /// Returns the splat of a visible Gaussian. Its colour is undefined.
     Splat<Real> splat(int lane) const {
         const auto& s = splats;
         return {
@@ -36,14 +36,14 @@ template <class Real> struct SplatLanes {
     }
 };
 
-/// Does for the Gaussians first, first + 1, ... what make_splat does for one. At most sixteen are left out of `count`.
-/// Returns a bit for each that is not culled, and computes what is defined for these. The results of a Gaussian do not
-/// depend on those beside it.
+/// Applies make_splat to the Gaussians first, first + 1, ..., at most sixteen and below `count`. Returns a bit for each
+/// that is not culled, and computes its result; other lanes are undefined. The result of a Gaussian does not depend on
+/// its neighbours.
 template <class Real>
 unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, const ViewLanes<Real>& view,
                      SplatLanes<Real>& out);
 
-/// Adds the tiles that a splat touches, row by row. Returns how many there are.
+/// Adds the tiles that a splat touches, row by row. Returns their number.
 template <class Real>
 std::uint32_t add_tiles(const Splat<Real>& s, const PixelBounds& bounds, int tiles_x,
                         std::vector<std::uint32_t>& tiles);

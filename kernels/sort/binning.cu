@@ -9,25 +9,25 @@ namespace {
 constexpr int kBlock = 256, kWriteBlock = 256, kWriteItems = ChunkSums::kPairs / kWriteBlock;
 constexpr unsigned kManyBlocks = 512;  ///< enough to fill a large device once
 
-/// What writing instances reads and writes.
+/// Input and output of writing instances.
 template <class Key> struct InstanceLists {
     std::uint32_t n, room;
     const std::uint32_t* order;   ///< visible Gaussians, front to back
     const std::uint32_t* counts;  ///< (n)
     const TileSpan* spans;        ///< (n)
     Key* tile_keys;               ///< (room)
-    std::uint32_t* instances;     ///< (room): the Gaussian of each
-    std::uint32_t* ends;          ///< (n) or null: in depth order, the end of each one's instances
-    /// (n): Gaussians with more than 32 candidate tiles, and the first instance of each: the large ones from the
-    /// beginning on, the huge ones from the end on.
+    std::uint32_t* instances;     ///< (room) Gaussian of each instance
+    std::uint32_t* ends;          ///< (n) end of each Gaussian's instances, in depth order; or null
+    /// (n) Gaussians with more than 32 candidate tiles, and the first instance of each: large Gaussians fill the array
+    /// from its beginning, huge ones from its end.
     uint2* large;
-    std::uint32_t* counts_of_digits;  ///< how many tile keys have each, 0 before
+    std::uint32_t* counts_of_digits;  ///< number of tile keys with each digit, initially 0
     DigitPlan plan;
-    ChunkSums sums;  ///< the instances of each block's Gaussians
+    ChunkSums sums;  ///< the number of instances of each block's Gaussians
 };
 
-/// A large Gaussian is huge where it has more instances than this. Some cover the image, and a warp that wrote all of
-/// one would still be at work when the others are done: kHugeParts warps share it.
+/// A large Gaussian is huge if it has more than kHuge instances. Some cover the image, and a single warp would still
+/// write one when all others are done; so kHugeParts warps share it.
 constexpr std::uint32_t kHuge = 256, kHugeParts = 8;
 
 /// Counts the digits of a block's keys in its shared memory. All threads of the block must call clear() and add_to().
@@ -51,10 +51,10 @@ template <int kThreads> struct DigitCounts {
 };
 constexpr int kMostCounts = 4 * 256;  ///< four passes by 8 bits
 
-/// Writes the instances of a block's Gaussians in depth order. Those with more than 32 candidate tiles, which come
-/// together in depth order, are left for write_large_instances.
+/// Writes the instances of a block's Gaussians in depth order. Gaussians with more than 32 candidate tiles, which tend
+/// to be adjacent in depth order, are left to write_large_instances.
 template <class Key>
-__global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians are worked on at once
+__global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians are processed at once
     write_instances(InstanceLists<Key> lists, int tiles_x, StepControl* control) {
     constexpr int kWarps = kWriteBlock / 32;
     __shared__ std::uint32_t digit_counts[kMostCounts], before, warp_sums[kWarps];
@@ -65,7 +65,7 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
         if (first == 0) control->stopped = 1;
         return;
     }
-    if (blockIdx.x * ChunkSums::kPairs >= num_visible) {  // nobody waits for this block's sum
+    if (blockIdx.x * ChunkSums::kPairs >= num_visible) {  // no block needs this block's sum
         for (std::uint32_t k = first; lists.ends && k < min(first + 32 * kWriteItems, lists.n); k += 32)
             lists.ends[k] = std::uint32_t(control->num_instances);
         return;
@@ -87,7 +87,7 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
     sum_before = __reduce_add_sync(~0u, sum_before);
     if (lane == 0 && sum_before > 0) atomicAdd(&before, sum_before);
 
-    const auto is_small = [&](int u) { return span[u].width() > 0; };  // or nothing
+    const auto is_small = [&](int u) { return span[u].width() > 0; };  // true for empty spans, too
     std::uint32_t of_warp = 0;
 #pragma unroll
     for (int u = 0; u < kWriteItems; ++u) {
@@ -101,7 +101,7 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
     std::uint32_t before_warp = before;
     for (std::uint32_t w = 0; w < warp; ++w) before_warp += warp_sums[w];
 
-    // Lanes have different numbers of instances: the warp lists them, and then each lane writes every 32nd.
+    // Lanes have different numbers of instances: the warp lists all of them, and then each lane writes every 32nd.
     std::uint16_t* list = candidates[warp];
 #pragma unroll
     for (int u = 0; u < kWriteItems; ++u) {
@@ -125,7 +125,7 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
             const std::uint32_t g = __shfl_sync(~0u, gaussian[u], owner),
                                 i = place + __shfl_sync(~0u, place_to_instance, owner);
             if (place >= total) continue;
-            // The half keeps the quotient away from whole numbers, which the rounding could cross.
+            // The added half keeps the quotient away from integers, which rounding could cross.
             const int candidate = word & 31, row = int((candidate + 0.5f) / tiles.width());
             const Key key = Key((tiles.y0() + row) * tiles_x + tiles.x0() + candidate - row * tiles.width());
             lists.tile_keys[i] = key;
@@ -137,8 +137,8 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
     digits.add_to(lists.counts_of_digits);
 }
 
-/// Writes the instances of large and huge Gaussians, 32 at a time. A warp has a large one, or every kHugeParts-th 32
-/// instances of a huge one.
+/// Writes the instances of large and huge Gaussians, 32 at a time. A warp processes one large Gaussian, or every
+/// kHugeParts-th 32 instances of a huge one.
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
     write_large_instances(InstanceLists<Key> lists, const PackedSplat* __restrict__ splats, int tiles_x,
@@ -159,13 +159,13 @@ __global__ void __launch_bounds__(kBlock)
         const PackedSplat s = splats[gaussian];
         const TileRectangle r(s.bounds());
         for (int y = r.y0; y < r.y0 + r.height; y += 32) {
-            // A lane has a row of tiles; the instances of 32 rows lie behind each other.
+            // Each lane has a row of tiles; the instances of 32 rows are contiguous.
             const TileRows::Span mine = span_of_lane(s, y, r.y0 + r.height);
             const std::uint32_t size = std::uint32_t(mine.size()), end = inclusive_sum(size),
                                 total = __shfl_sync(~0u, end, 31),
                                 key_before = std::uint32_t((y + int(lane)) * tiles_x + mine.x0) - (end - size);
             for (std::uint32_t place = part * 32 + lane; place - lane < total; place += parts * 32) {
-                std::uint32_t row = 0;  // the first that ends behind this place
+                std::uint32_t row = 0;  // the first row that ends after this place
 #pragma unroll
                 for (std::uint32_t step = 16; step > 0; step /= 2)
                     if (__shfl_sync(~0u, end, row + step - 1) <= place) row += step;
@@ -181,17 +181,17 @@ __global__ void __launch_bounds__(kBlock)
     digits.add_to(lists.counts_of_digits);
 }
 
-/// Returns the largest x of the lanes from this one on.
+/// Returns the maximum of x over this lane and all later lanes.
 __device__ std::uint32_t suffix_max(std::uint32_t x) {
 #pragma unroll
-    for (int d = 1; d < 32; d *= 2) x = max(x, __shfl_down_sync(~0u, x, d));  // beyond the warp it is the lane's own
+    for (int d = 1; d < 32; d *= 2) x = max(x, __shfl_down_sync(~0u, x, d));  // beyond the warp: the lane's own
     return x;
 }
 
-/// Sets offsets[t] to the first instance of a tile >= t, and lists the work on tiles by the time that it takes, in
-/// steps of 16 instances, with a counting sort. One block, whose threads have five tiles in each step, so that one step
-/// has all of 1280x720. With eight, an image of 800x800 leaves half of the threads without any, and the others take
-/// longer. All other blocks set `to_clear` to 0.
+/// Sets offsets[t] to the first instance of a tile >= t, and lists the work items on tiles by estimated time, in steps
+/// of 16 instances, with a counting sort. One block does this. Its threads have five tiles in each step, so that one
+/// step covers 1280x720. With eight, half of the threads would have no tile of an 800x800 image, and the others would
+/// take longer. All other blocks set `to_clear` to 0.
 constexpr int kOrderThreads = 1024, kLengths = 256, kTilesOfThread = 5;
 __global__ void __launch_bounds__(kOrderThreads)
     order_tiles(NumPairs num_instances, KeyBegins begins, std::uint32_t num_items, std::uint32_t* __restrict__ offsets,
@@ -209,8 +209,8 @@ __global__ void __launch_bounds__(kOrderThreads)
     const auto bin = [&](std::uint32_t length) {
         return kLengths - 1 - min((length > limit ? length / 2 : length) / 16, std::uint32_t(kLengths - 1));
     };
-    // Adds a list to its bin, and returns what the bin had before. At first this only counts; once bins hold places, it
-    // is where the list is put. Lanes whose lists are shortest, as those of empty tiles, ask together.
+    // Adds a list to its bin, and returns the bin's previous value. The first use only counts; once bins hold places,
+    // the value is the place of the list. Lanes with the shortest lists, e.g. of empty tiles, share one atomic.
     const auto put = [&](bool is_tile, std::uint32_t length) {
         const bool is_shortest = is_tile && bin(length) == kLengths - 1;
         const unsigned shortest = __ballot_sync(~0u, is_shortest), before = shortest & ((1u << lane) - 1);
@@ -223,7 +223,7 @@ __global__ void __launch_bounds__(kOrderThreads)
     if (threadIdx.x < kLengths) place[threadIdx.x] = 0;
     if (threadIdx.x == 0) from_warp[kWarps] = max(begins.words[num_tiles], ~n), offsets[num_tiles] = ~from_warp[kWarps];
 
-    // From the last tiles to the first: those of a thread lie side by side. Words are ~ of places, so that the largest
+    // From the last tiles to the first; the tiles of a thread are adjacent. Words are ~ of places, so that the largest
     // is the first instance.
     for (std::uint32_t step = (num_tiles + kStep - 1) / kStep; step-- > 0;) {
         const std::uint32_t first = step * kStep + threadIdx.x * kTilesOfThread;
@@ -233,7 +233,7 @@ __global__ void __launch_bounds__(kOrderThreads)
 #pragma unroll
         for (int u = kTilesOfThread - 2; u >= 0; --u) word[u] = max(word[u], word[u + 1]);
         const std::uint32_t of_lanes = suffix_max(word[0]);
-        __syncthreads();  // from_warp[kWarps] is known, and nobody reads the others any more
+        __syncthreads();  // from_warp[kWarps] is valid, and the other values are no longer read
         const std::uint32_t behind_step = from_warp[kWarps];
         if (lane == 0) from_warp[warp] = of_lanes;
         __syncthreads();
@@ -280,11 +280,11 @@ __global__ void __launch_bounds__(kOrderThreads)
     for (std::uint32_t k = listed + threadIdx.x; k < num_items; k += kOrderThreads) longest_first[k] = {};
 }
 
-/// The least key of a Gaussian that touches a tile.
+/// Smallest key of a Gaussian that touches a tile.
 constexpr std::uint32_t kLeastVisible = 1u << kDepthKeyBits;
 
-/// Counts the Gaussians that are not culled, their instances, and the digits of their depth keys. tiles: (n), those of
-/// each.
+/// Counts the Gaussians that are not culled, their instances, and the digits of their depth keys. tiles: (n) touched
+/// tiles of each Gaussian.
 constexpr int kCountBlock = 512, kCountItems = 4;
 __global__ void __launch_bounds__(kCountBlock)
     count_visible(std::uint32_t n, const std::uint32_t* __restrict__ keys, const std::uint32_t* __restrict__ tiles,
@@ -315,7 +315,7 @@ __global__ void __launch_bounds__(kCountBlock)
 #pragma unroll
     for (int d = 16; d > 0; d /= 2) instances += __shfl_xor_sync(~0u, instances, d);
     if (threadIdx.x % 32 == 0) atomicAdd(&instances_of_block, instances), atomicAdd(&visible_of_block, visible);
-    digits.add_to(counts);  // which begins with a barrier
+    digits.add_to(counts);  // begins with a barrier
     if (threadIdx.x == 0 && visible_of_block > 0) {
         atomicAdd(&control->num_instances, instances_of_block);
         atomicAdd(&control->num_visible, visible_of_block);
@@ -364,13 +364,13 @@ std::size_t CudaBinning::take_temporaries(Carver& c) {
     return end_of_input;
 }
 
-/// Returns where counts and sums lie for a sort of so many instances.
+/// Returns the places of the counters and sums for a sort of `instances` instances.
 CudaBinning::Counts CudaBinning::counts_for(std::int64_t instances) const {
     auto* const zeros = reinterpret_cast<std::uint32_t*>(input_.zeros.data());
     Counts c;
     const auto take = [&](std::size_t words) {
         std::uint32_t* const taken = zeros ? zeros + c.words : nullptr;
-        c.words += (words + 3) / 4 * 4;  // such that fours are aligned
+        c.words += (words + 3) / 4 * 4;  // so that groups of four are aligned
         return taken;
     };
     const DigitPlan tiles = tile_plan();
@@ -423,14 +423,14 @@ void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, s
 CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, std::span<uint4> to_clear,
                             StepControl* control, cudaStream_t stream) {
     const Counts counts = counts_for(room);
-    if (n_ == 0) {  // nobody has filled the input
+    if (n_ == 0) {  // no kernel has filled the input
         GS_CUDA(cudaMemsetAsync(control, 0, kControlWords * sizeof(unsigned), stream));
         GS_CUDA(cudaMemsetAsync(input_.zeros.data(), 0, input_.zeros.size_bytes(), stream));
     } else {
         count_visible<<<std::min(num_blocks(n_, kCountBlock * kCountItems), kManyBlocks / 2), kCountBlock, 0, stream>>>(
             std::uint32_t(n_), input_.depth_keys, input_.counts, kDepthPlan, counts.depth_digits, control);
         GS_CUDA_LAUNCHED("count_visible");
-        // Large Gaussians are listed only after this. The last pass writes the order.
+        // Large Gaussians are listed only after this sort. The last pass writes the order.
         std::uint32_t *keys = reinterpret_cast<std::uint32_t*>(large_), *values = keys + n_;
         const RadixPairs<std::uint32_t> pairs{{input_.depth_keys, keys}, {values, order_}};
         static_assert(kDepthPlan.passes % 2 == 1);

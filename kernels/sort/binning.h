@@ -9,26 +9,26 @@
 
 namespace gs {
 
-/// The touched tiles that preprocessing hands over: one list per part of kPartSize Gaussians.
+/// The touched tiles that preprocessing passes on: one list per part of kPartSize Gaussians.
 struct BinningInput {
     struct Part {
         std::vector<std::uint64_t> depth_keys;  ///< (depth bits << 32 | Gaussian index) of the part's visible Gaussians
-        std::vector<std::uint32_t> tiles;       ///< tile indices, one Gaussian after the other
+        std::vector<std::uint32_t> tiles;       ///< tile indices, Gaussian by Gaussian
     };
     std::vector<Part> parts;
     std::vector<std::uint32_t> first;  ///< (N) position of a Gaussian's first tile within its part's list
     std::vector<std::uint32_t> count;  ///< (N) number of touched tiles; 0 = culled
 };
 
-/// The sort. It is reused from call to call; its buffers grow and never shrink.
+/// The sort, reusable from call to call. Its buffers grow and never shrink.
 class TileBinning {
   public:
-    /// Sorts. Equal depths are ordered by index, so the result is unique and independent of threads. Throws DeviceError
-    /// when the instances exceed `max_instances`.
+    /// Sorts the instances. Equal depths are ordered by index, so the result is unique and does not depend on the
+    /// number of threads. Throws DeviceError if there are more than `max_instances` instances.
     void build(const BinningInput& in, std::uint32_t num_tiles, std::int64_t max_instances);
 
     const std::vector<Instance>& instances() const { return instances_; }
-    /// Returns the ends of the tiles' lists: tile t has the instances [offsets()[t], offsets()[t+1]).
+    /// Returns the bounds of the tiles' lists: tile t has the instances [offsets()[t], offsets()[t+1]).
     const std::vector<std::uint32_t>& offsets() const { return offsets_; }
     /// Returns the slot of each part's first instance.
     const std::vector<std::uint32_t>& part_slots() const { return part_slots_; }
@@ -45,8 +45,8 @@ class TileBinning {
     std::vector<std::uint32_t> offsets_, part_slots_, histogram_;
 };
 
-/// Returns the number of instances that fit: 2^31 - 1, or half of the machine's memory at 64 bytes each if that is
-/// less.
+/// Returns the number of instances that fit: 2^31 - 1, or the number that fits half of the machine's memory at 64 bytes
+/// each if that is less.
 std::int64_t default_max_instances();
 
 }  // namespace gs

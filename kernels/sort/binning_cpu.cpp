@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-constexpr std::int64_t kMaxSlices = 16;  ///< the parts into which a counting pass is cut for threads
+constexpr std::int64_t kMaxSlices = 16;  ///< maximum number of slices that threads process in a counting pass
 
 }  // namespace
 
@@ -59,14 +59,13 @@ void TileBinning::build(const BinningInput& in, std::uint32_t num_tiles, std::in
     offsets_[num_tiles] = static_cast<std::uint32_t>(total);
 }
 
-/// Sorts the keys of all parts by their depth. They come in the order of their indices, and stay in it where depths are
-/// equal.
+/// Sorts the keys of all parts by depth. The keys are in index order, and equal depths keep this order.
 void TileBinning::sort_by_depth(const BinningInput& in, std::int64_t visible) {
     constexpr int kDigitBits = 8;  // passes of 12 bits are faster up to 13,000 keys and slower beyond
     constexpr std::uint32_t kDigits = 1u << kDigitBits;
     static_assert(kDepthKeyBits % kDigitBits == 0);
     const std::int64_t parts = static_cast<std::int64_t>(in.parts.size());
-    const std::int64_t slices = std::clamp<std::int64_t>(visible / 4096, 1, kMaxSlices);  // few are not worth threads
+    const std::int64_t slices = std::clamp<std::int64_t>(visible / 4096, 1, kMaxSlices);  // few keys need one
     const std::int64_t slice = (visible + slices - 1) / slices, part_slice = (parts + slices - 1) / slices;
     keys_.resize(visible);
     sorted_keys_.resize(visible);
@@ -88,9 +87,9 @@ void TileBinning::sort_by_depth(const BinningInput& in, std::int64_t visible) {
     }
 }
 
-/// Moves items into buckets, and keeps the order of those of one bucket. for_items(slice, put) calls put(bucket, item)
-/// for each item of a slice in order. Results do not depend on the number of slices. Where `starts` is not null, it
-/// takes the position of each bucket's first item.
+/// Moves items into buckets, keeping the order within each bucket. for_items(slice, put) calls put(bucket, item) for
+/// each item of a slice in order. Results do not depend on the number of slices. If `starts` is not null, it receives
+/// the position of each bucket's first item.
 template <class ForItems, class Item>
 void TileBinning::sort_into_buckets(std::int64_t slices, std::uint32_t buckets, ForItems&& for_items, Item* out,
                                     std::uint32_t* starts) {

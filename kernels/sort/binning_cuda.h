@@ -15,10 +15,10 @@ namespace gs {
 
 inline constexpr int kSweepBlock = 256, kSweepItems = 16, kSweepPairs = kSweepBlock * kSweepItems;
 
-/// The number of blocks whose sums are added up in one word, too (BlockSums): with 16, a few hundred blocks are about
-/// as many groups as a group has blocks, and a block reads few words of each kind.
+/// Number of blocks whose sums are also added up in one group word (BlockSums). With 16, a few hundred blocks form
+/// about as many groups as a group has blocks, so a block reads few words of each kind.
 inline constexpr int kBlocksOfGroup = 16;
-/// Returns the number of words by which blocks tell one another their sums in some columns.
+/// Returns the number of words through which blocks exchange their sums in `columns` columns.
 constexpr std::size_t block_sums(std::size_t blocks, int columns) {
     return (blocks + blocks / kBlocksOfGroup) * std::size_t(columns);
 }
@@ -27,69 +27,69 @@ constexpr std::size_t block_sums(std::size_t blocks, int columns) {
 struct DigitPlan {
     int passes, bits;  ///< bits of a digit: 7 or 8
 
-    /// Returns the plan for keys of up to 32 bits. Fewer digits are fewer sums to tell other blocks.
+    /// Returns the plan for keys of up to 32 bits. Fewer digits mean fewer sums to exchange between blocks.
     static constexpr DigitPlan of(int key_bits) {
         return key_bits <= 14 ? DigitPlan{2, 7} : DigitPlan{(key_bits + 7) / 8, 8};
     }
     constexpr int digits() const { return 1 << bits; }
     /// Returns the number of counts of all passes.
     constexpr int counts() const { return passes << bits; }
-    /// Returns the number of words by which the blocks of one pass tell one another their sums.
+    /// Returns the number of words through which the blocks of one pass exchange their sums.
     std::size_t sums(std::int64_t pairs) const {
         return block_sums(std::size_t(pairs + kSweepPairs - 1) / kSweepPairs, digits());
     }
 };
 
-/// What stands for this many touched tiles and more beside a depth key.
+/// Value next to a depth key that represents this many touched tiles or more.
 inline constexpr std::uint32_t kManyTiles = 0xff;
 
-/// The tiles that the Gaussians of a part of the depth order touch, from which their instances find their places. They
-/// are summed up while the order is written. In larger groups more atomics wait for one address; smaller ones are more
-/// words for each block to add up.
+/// Numbers of tiles touched by parts of the depth order, from which instances get their places. They are summed up
+/// while the order is written. Larger groups make more atomics wait for one address; smaller groups give each block
+/// more words to add up.
 struct ChunkSums {
     static constexpr std::uint32_t kPairs = 512, kChunksOfGroup = 4;
 
-    const std::uint32_t* tiles = nullptr;  ///< (n): those of each Gaussian
-    std::uint32_t* of_chunks = nullptr;    ///< one for kPairs Gaussians, 0 before; null: no sums
-    std::uint32_t* of_groups = nullptr;    ///< one for kChunksOfGroup chunks, 0 before
+    const std::uint32_t* tiles = nullptr;  ///< (n) touched tiles of each Gaussian
+    std::uint32_t* of_chunks = nullptr;    ///< one per kPairs Gaussians, initially 0; null: no sums
+    std::uint32_t* of_groups = nullptr;    ///< one per kChunksOfGroup chunks, initially 0
 };
 
-/// The arrays that preprocessing fills and binning sorts, (n) each. Where nothing is sorted, there are only counts.
+/// The arrays that preprocessing fills and binning sorts, (n) each. If nothing is sorted, only the counts exist.
 struct CudaBinningInput {
-    std::uint32_t* depth_keys;  ///< above the kDepthKeyBits of the depth, the count, at most kManyTiles; 0: culled
+    std::uint32_t* depth_keys;  ///< count (at most kManyTiles) above the kDepthKeyBits of the depth; 0: culled
     TileSpan* spans;
     std::uint32_t* counts;   ///< number of touched tiles; 0 = culled
-    std::span<uint4> zeros;  ///< what the sort counts in, to be set to 0 by whoever fills the arrays
+    std::span<uint4> zeros;  ///< counters of the sort, zeroed by the kernel that fills the arrays
 };
 
 /// The sort on the device.
 class CudaBinning {
   public:
-    /// Takes only the counts of `input`, for splats that are sorted elsewhere.
+    /// Takes only the counts of `input`, for splats that another rank sorts.
     void take_counts(Carver& c, std::int64_t n) { input_ = {.counts = c.take<std::uint32_t>(n)}; }
     /// Takes the buffers that outlive binning, and those that are written before it.
     void take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height, bool keep_slots);
-    /// Takes the rest of `input`, and then the buffers that only binning uses. Returns where the latter begin, which
+    /// Takes the rest of `input`, and then the buffers used only by binning. Returns the offset of the latter, which
     /// are not written before build().
     std::size_t take_temporaries(Carver& c);
 
     const CudaBinningInput& input() const { return input_; }
-    /// Counts the view's visible Gaussians and instances, and sorts at most `room` instances, which is at most the
-    /// capacity. If there are more, it writes none and sets control->stopped. Beside its last kernel, which leaves most
-    /// of the device idle, it sets `to_clear` to 0, which may lie where the temporaries are.
+    /// Counts the view's visible Gaussians and instances, and sorts at most `room` instances, which must not exceed the
+    /// capacity. If there are more, it writes none and sets control->stopped. Its last kernel leaves most of the device
+    /// idle, so it also sets `to_clear` to 0, which may overlap the temporaries.
     CudaBins build(const PackedSplat* splats, std::int64_t room, std::span<uint4> to_clear, StepControl* control,
                    cudaStream_t stream);
-    /// Returns the order of the last build().
+    /// Returns the sorted instances of the last build().
     const CudaBins& bins() const { return bins_; }
     SlotMap slots() const { return {order_, ends_}; }
 
   private:
-    /// What a sort counts and sums up, all 0 before it.
+    /// Counters and sums of a sort, all initially 0.
     struct Counts {
         std::uint32_t *depth_digits = nullptr, *tile_digits = nullptr;
         ChunkSums chunk_sums;
-        std::uint32_t* tile_begins = nullptr;                       ///< (tiles+1), ~ of the first instance of each
-        std::uint32_t *depth_sums = nullptr, *tile_sums = nullptr;  ///< that blocks tell one another
+        std::uint32_t* tile_begins = nullptr;                       ///< (tiles+1), ~ of the first instance of each tile
+        std::uint32_t *depth_sums = nullptr, *tile_sums = nullptr;  ///< sums exchanged between blocks
         std::size_t words = 0;
     };
     template <class Key>
@@ -102,10 +102,10 @@ class CudaBinning {
     CudaBins bins_;
     bool keep_slots_ = false;
     CudaBinningInput input_{};
-    uint2* large_ = nullptr;  ///< large and huge Gaussians (InstanceLists); before that, pairs of the depth sort
+    uint2* large_ = nullptr;  ///< large and huge Gaussians (InstanceLists); earlier, pairs of the depth sort
     std::uint32_t *order_ = nullptr, *ends_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr, *other_ = nullptr,
                   *tile_offsets_ = nullptr;
-    std::uint32_t* tile_keys_[2] = {};  ///< of 16 bits where these suffice
+    std::uint32_t* tile_keys_[2] = {};  ///< with 16-bit keys if these suffice
     TileItem* longest_first_ = nullptr;
 };
 

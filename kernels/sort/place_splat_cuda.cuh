@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a splat comes to be sorted: the tiles that it reaches, and its key.
+// Prepares a splat for the sort: the tiles that it reaches, and its key.
 #pragma once
 
 #include "kernels/sort/binning_cuda.h"
 
 namespace gs {
 
-/// The tiles that a lane's splat reaches. Each lane tests up to 32 candidates of its own; the warp shares the rows of
-/// larger splats.
+/// The tiles that a lane's splat reaches. Each lane tests up to 32 candidates of its own splat; the warp shares the
+/// rows of larger splats.
 struct TileTest {
     unsigned mask;  ///< bits of the reached tiles among up to 32 candidates
     unsigned count;
@@ -42,7 +42,7 @@ __device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& 
     return out;
 }
 
-/// Writes a splat that reaches a tile, and for each what binning reads, if it is sorted here.
+/// Writes a splat if it reaches a tile, and the input of binning for every splat, if it is sorted here.
 __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const PixelBounds& b, const TileTest& tiles,
                                    const DepthKey& depth_key, float depth, PackedSplat* splats,
                                    const CudaBinningInput& out) {
@@ -51,13 +51,14 @@ __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const 
     out.counts[i] = tiles.count;
     if (!out.depth_keys) return;  // sorted elsewhere
     if (visible) out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
-    // A depth that another kernel computed may be rounded to the wrong side of near; its key must not reach the tiles.
+    // A depth computed by another kernel may be rounded to the wrong side of near; its key must not overflow into the
+    // count.
     out.depth_keys[i] =
         visible ? min(depth_key(depth), kDepthKeyEnd) | min(tiles.count, kManyTiles) << kDepthKeyBits : 0;
 }
 
-/// Sets to 0 what the stages of a view count, in the first kernel of the view and beside its work: a kernel of its own
-/// would take 2 us. Blocks must have kControlWords threads or more.
+/// Sets the counters of a view's stages to 0, in the first kernel of the view besides its work: a separate kernel would
+/// take 2 us. Blocks must have at least kControlWords threads.
 __device__ inline void begin_view(const CudaBinningInput& out, StepControl* control) {
     const std::size_t thread = std::size_t(blockIdx.x) * blockDim.x + threadIdx.x;
     if (thread < kControlWords) reinterpret_cast<unsigned*>(control)[thread] = 0;

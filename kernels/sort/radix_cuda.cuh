@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// A stable radix sort of keys and values in as many kernels as it has digits (Adinets and Merrill 2022, "Onesweep").
-// Unlike CUB's, it takes the number of pairs from the device, leaves culled pairs out, and has the digits counted and
-// all sums zeroed by its caller, who does so once for both sorts: a short list waits longer for such kernels than for
-// the passes (docs/lab/sorting.md#the-sort-in-passes-of-its-own).
+// A stable radix sort of keys and values in as many kernels as the keys have digits (Adinets and Merrill 2022,
+// "Onesweep"). Unlike CUB's, it reads the number of pairs on the device and drops culled pairs. Its caller counts the
+// digits and zeroes all sums, once for both sorts: for a short list, kernels for this take longer than the passes
+// (docs/lab/sorting.md#the-sort-in-passes-of-its-own).
 #pragma once
 
 #include <cassert>
@@ -12,9 +12,9 @@
 
 namespace gs {
 
-// Sums over the blocks before a block, which the blocks of a kernel tell one another (Merrill and Garland 2016,
-// "decoupled look-back"). Blocks also add up their sums in groups, so that a block reads one word for a group before
-// its own: among a few hundred blocks each reads once or twice, not once for every 16 blocks before it.
+// Sums over all earlier blocks, which the blocks of a kernel exchange (Merrill and Garland 2016, "decoupled
+// look-back"). Blocks also add up their sums in groups, so that a block reads one word for each earlier group: with a
+// few hundred blocks each reads once or twice, not once for every 16 earlier blocks.
 
 /// Returns the sum over the lanes up to this one.
 __device__ inline std::uint32_t inclusive_sum(std::uint32_t x) {
@@ -28,31 +28,31 @@ __device__ inline std::uint32_t inclusive_sum(std::uint32_t x) {
 
 /// The sums of blocks in kColumns columns.
 ///
-/// A block waits for those before it. Blocks start in the order of their indices, so these run or have ended; and no
-/// block waits before it has told its own sum.
+/// A block waits for earlier blocks. Blocks start in index order, so earlier blocks are running or have ended; and
+/// every block publishes its own sum before it waits.
 template <int kColumns> class BlockSums {
   public:
-    /// The largest sum of a block. The word of a group has 20 bits for those of its blocks.
+    /// Largest sum of a block. The word of a group has 20 bits for the sum of its blocks.
     static constexpr std::uint32_t kMostSum = ((1u << 20) - 1) / kBlocksOfGroup;
 
-    /// words: block_sums(gridDim.x, kColumns) of them, 0 before.
+    /// Uses block_sums(gridDim.x, kColumns) `words`, initially 0.
     __device__ explicit BlockSums(std::uint32_t* words)
         : blocks_(words), groups_(words + std::size_t(gridDim.x) * kColumns) {}
 
-    /// Tells the blocks behind this one its sum in a column.
+    /// Publishes this block's sum in a column to later blocks.
     __device__ void tell(int column, std::uint32_t sum) const {
-        // Relaxed: nothing else is told by it.
+        // Relaxed: it publishes no other data.
         asm volatile("st.relaxed.gpu.u32 [%0], %1;" ::"l"(block(blockIdx.x) + column), "r"(kTold | sum) : "memory");
         if (own_group() < num_groups()) atomicAdd(group(own_group()) + column, kOneBlock + sum);
     }
 
-    /// Returns for column threadIdx.x the sum over all blocks before this one, whose own sum in that column is given.
+    /// Returns, for column threadIdx.x, the sum over all earlier blocks; `own_sum` is this block's sum in that column.
     /// All threads of the block call it. Sets of threads read four columns of some words each, many words at once.
     template <int kThreads> __device__ std::uint32_t before(std::uint32_t own_sum, uint4 (&found)[kThreads]) const {
         constexpr int kFours = kColumns / 4, kReaders = kThreads / kFours, kAhead = 4;
         const int reader = int(threadIdx.x) / kFours, four = int(threadIdx.x) % kFours;
-        // First the words of the blocks before this one in its group, then those of the groups before, backwards. The
-        // last block of a group waits for the whole group instead, whose word it will replace.
+        // First the words of earlier blocks in the same group, then the words of earlier groups, backwards. The last
+        // block of a group instead waits for the whole group, whose word it will replace.
         const bool ends_group = blockIdx.x % kBlocksOfGroup == kBlocksOfGroup - 1;
         const int of_blocks = ends_group ? 0 : int(blockIdx.x % kBlocksOfGroup),
                   last_group = ends_group ? own_group() : own_group() - 1, num_words = of_blocks + last_group + 1;
@@ -107,27 +107,27 @@ template <int kColumns> class BlockSums {
     }
 
   private:
-    // A block's word is its sum with kTold. The word of a group has the sum of its blocks in the lower bits and their
-    // number from kOneBlock on. Once it is whole, its last block replaces it by the sum over all blocks up to there,
-    // with kAll.
+    // A block's word is its sum with kTold. The word of a group holds the sum of its blocks in the lower bits and their
+    // number from kOneBlock up. Once the group is complete, its last block replaces the word by the sum over all blocks
+    // so far, with kAll.
     static constexpr std::uint32_t kTold = 1u << 31, kAll = 1u << 31, kOneBlock = 1u << 20,
                                    kWholeGroup = kBlocksOfGroup * kOneBlock;
 
     __device__ std::uint32_t* block(int b) const { return blocks_ + std::size_t(b) * kColumns; }
     __device__ std::uint32_t* group(int g) const { return groups_ + std::size_t(g) * kColumns; }
     __device__ static int own_group() { return int(blockIdx.x) / kBlocksOfGroup; }
-    __device__ static int num_groups() { return int(gridDim.x) / kBlocksOfGroup; }  ///< whole ones
+    __device__ static int num_groups() { return int(gridDim.x) / kBlocksOfGroup; }  ///< complete groups
 
     std::uint32_t *blocks_, *groups_;
 };
 
-/// The number of pairs, which the host may not know.
+/// The number of pairs, which may be known only on the device.
 struct NumPairs {
     enum Kind { kAll, kVisible, kInstances } kind;
     std::uint32_t most;
     const StepControl* control;
 
-    /// There are no instances if they are too many for their room.
+    /// Returns the number of pairs: 0 instances if they exceed their room.
     __device__ std::uint32_t operator()() const {
         if (kind == kAll) return most;
         if (kind == kVisible) return control->num_visible;
@@ -135,37 +135,37 @@ struct NumPairs {
     }
 };
 
-/// Where the pairs of each key begin in the sorted list, which the last pass notes while it writes.
+/// Start of the pairs of each key in the sorted list, which the last pass records as it writes.
 struct KeyBegins {
-    std::uint32_t* words = nullptr;  ///< (most + 1), 0 before: ~ of the place of the first pair, 0 if there is none
+    std::uint32_t* words = nullptr;  ///< (most + 1), initially 0: ~ of the first pair's position, 0 if there is none
     std::uint32_t most = 0;          ///< larger keys count as this one
 };
 
-/// What passes do beside sorting.
+/// Additional work of passes besides sorting.
 enum class SweepTask { kSort, kCull, kAddUpTiles, kNoteBegins };
 
-/// A pass by one digit.
+/// One pass over a digit.
 template <class Key> struct Sweep {
     NumPairs num_pairs;
     const Key* keys;
-    const std::uint32_t* values;  ///< null: the position of each key
+    const std::uint32_t* values;  ///< null: use the position of each key
     Key* sorted_keys;             ///< null: not needed
     std::uint32_t* sorted_values;
-    const std::uint32_t* counts;  ///< (digits): the pairs with each digit
-    std::uint32_t* sums;          ///< 0 before: for BlockSums
+    const std::uint32_t* counts;  ///< (digits) number of pairs with each digit
+    std::uint32_t* sums;          ///< for BlockSums, initially 0
     int shift;
     std::uint32_t least;  ///< kCull: pairs with smaller keys are left out
     ChunkSums chunk_sums;
     KeyBegins begins;
 };
 
-/// Adds up the tiles that a block's Gaussians touch, by chunk. The Gaussians of a digit lie side by side in the sorted
-/// list, most of them in one chunk or two: these have sums in shared memory.
+/// Adds up the tiles touched by a block's Gaussians, by chunk. The Gaussians of a digit are adjacent in the sorted
+/// list, mostly in one or two chunks: these have sums in shared memory.
 template <int kDigits> struct TilesOfDigits {
     static constexpr std::uint32_t kChunks = 2;
     std::uint32_t first_chunk[kDigits], sums[kDigits][kChunks];
 
-    /// Begins a digit, whose Gaussians lie from `first` on. One thread calls it.
+    /// Begins a digit, whose Gaussians start at `first`. One thread calls it.
     __device__ void begin(std::uint32_t digit, std::uint32_t first) {
         first_chunk[digit] = first / ChunkSums::kPairs;
         for (std::uint32_t& sum : sums[digit]) sum = 0;
@@ -174,7 +174,7 @@ template <int kDigits> struct TilesOfDigits {
         const std::uint32_t chunk = place / ChunkSums::kPairs, k = chunk - first_chunk[digit];
         k < kChunks ? void(atomicAdd(&sums[digit][k], tiles)) : add_to_chunk(chunk, tiles, all);
     }
-    /// Adds the sums of a digit to those of all blocks.
+    /// Adds the sums of a digit to the global sums.
     __device__ void end(std::uint32_t digit, const ChunkSums& all) const {
         for (std::uint32_t k = 0; k < kChunks; ++k)
             if (sums[digit][k] > 0) add_to_chunk(first_chunk[digit] + k, sums[digit][k], all);
@@ -187,14 +187,14 @@ template <int kDigits> struct TilesOfDigits {
     }
 };
 
-/// Sorts pairs by a digit. Each warp ranks its pairs 32 at a time; the block puts its pairs in order in shared memory,
-/// so that those of a digit are written side by side.
+/// Sorts pairs by a digit. Each warp ranks its pairs 32 at a time; the block orders its pairs in shared memory, so that
+/// pairs of the same digit are written contiguously.
 template <class Key, int kBits, SweepTask kTask>
 __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     constexpr int kDigits = 1 << kBits, kWarps = kSweepBlock / 32;
     static_assert(kDigits <= kSweepBlock);
     __shared__ union {
-        uint2 ranked[kWarps][kDigits];  // lanes that have a pair of this digit now, and pairs that the warp had before
+        uint2 ranked[kWarps][kDigits];  // lanes with a pair of this digit now, and the warp's earlier pairs
         struct {
             std::uint32_t values[kSweepPairs];
             Key keys[kSweepPairs];
@@ -207,7 +207,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     if (std::uint64_t(blockIdx.x) * kSweepPairs >= n) return;
     const auto digit_of = [&](std::uint32_t key) { return key >> a.shift & (kDigits - 1); };
 
-    // A thread has every 32nd of its warp's pairs. `left` are the pairs from its first one on.
+    // A thread has every 32nd of its warp's pairs. `left` is the number of pairs from its first one on.
     const std::uint32_t first = blockIdx.x * kSweepPairs + warp * (32 * kSweepItems) + lane;
     const int left = int(n - first);
     const Key* const keys = a.keys + first;
@@ -217,9 +217,9 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     const std::uint32_t in_all = digit < kDigits ? a.counts[digit] : 0;
     const auto is_kept = [&](int i) { return 32 * i < left && (kTask != SweepTask::kCull || key[i] >= a.least); };
 
-    // Each lane marks its digit. The marks of lower lanes and the pairs before are its rank; the highest lane clears
-    // the marks and adds their number. Votes on each bit of a digit would find its lanes, too, but a multiprocessor
-    // takes a vote every fourth cycle.
+    // Each lane marks its digit. The marks of lower lanes plus the number of earlier pairs give its rank; the highest
+    // lane clears the marks and adds their number. Votes on each bit of a digit would also find its lanes, but a
+    // multiprocessor can only vote every fourth cycle.
     for (int d = int(lane); d < kDigits; d += 32) shared.ranked[warp][d] = make_uint2(0, 0);
     __syncwarp();
 #pragma unroll
@@ -236,7 +236,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
     }
     __syncthreads();
 
-    // One thread a digit: where it begins in each warp, in the block and in the list.
+    // One thread per digit finds its start in each warp, in the block and in the list.
     const BlockSums<kDigits> sums(a.sums);
     static_assert(kSweepPairs <= BlockSums<kDigits>::kMostSum);
     std::uint32_t in_block = 0;
@@ -259,7 +259,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
         if (w < warp) block_begin += warp_sums[0][w], all_begin += warp_sums[1][w];
         size += warp_sums[0][w];
     }
-    std::uint32_t value[kSweepItems];  // on their way while the block looks back
+    std::uint32_t value[kSweepItems];  // loads while the block looks back
     if (a.values) {
         const std::uint32_t* const values = a.values + first;
 #pragma unroll
@@ -300,7 +300,7 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
         if (a.sorted_keys) a.sorted_keys[to] = k;
         a.sorted_values[to] = v;
         if constexpr (kTask == SweepTask::kNoteBegins) {
-            // Equal keys lie side by side, since the passes before sorted by all other digits.
+            // Equal keys are adjacent, since earlier passes sorted by all other digits.
             if (p == 0 || shared.sorted.keys[p - 1] != k)
                 atomicMax(&a.begins.words[min(std::uint32_t(k), a.begins.most)], ~to);
         }
@@ -309,23 +309,23 @@ __global__ void __launch_bounds__(kSweepBlock) sweep_digit(Sweep<Key> a) {
         if (digit < kDigits) tiles_of.end(digit, a.chunk_sums);
 }
 
-/// The buffers of a sort. Pass i goes from those at i % 2 to the other ones.
+/// The buffers of a sort. Pass i reads the buffers i % 2 and writes the others.
 template <class Key> struct RadixPairs {
     Key* keys[2];
     std::uint32_t* values[2];
 };
 
-/// What a sort does beside sorting. 32-bit keys must have digits of 8 bits and two passes or more; 16-bit keys
-/// have only begins.
+/// Additional work of a sort. 32-bit keys must have digits of 8 bits and at least two passes; 16-bit keys support only
+/// `begins`.
 struct SortTasks {
-    std::uint32_t least = 0;    ///< the first pass leaves out pairs with smaller keys
-    ChunkSums chunk_sums = {};  ///< the last pass adds these up, if they are given
-    KeyBegins begins = {};      ///< or notes these
+    std::uint32_t least = 0;    ///< the first pass drops pairs with smaller keys
+    ChunkSums chunk_sums = {};  ///< the last pass adds these up, if given
+    KeyBegins begins = {};      ///< or records these
 };
 
-/// Sorts pairs by the lower bits of their keys, as the plan has them. keys[0] is overwritten. The first pass does not
-/// read values[0] where the values are positions; the last pass writes no keys. counts: (passes, digits), of the keys
-/// that are kept. sums: plan.sums(num.most) words for each pass, which are 0. num_kept says how many pairs the first
+/// Sorts pairs by the lower bits of their keys, according to `plan`. keys[0] is overwritten. The first pass does not
+/// read values[0] if the values are positions; the last pass writes no keys. counts: (passes, digits), of the keys that
+/// are kept. sums: plan.sums(num.most) words for each pass, which are 0. num_kept is the number of pairs that the first
 /// pass keeps.
 template <class Key>
 void sort_pairs(const DigitPlan& plan, const RadixPairs<Key>& pairs, bool from_positions, const std::uint32_t* counts,
