@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The image of a view in double precision, with which faster renderers are compared.
+// The image of a view in double precision, the reference for faster renderers.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// Renders the view with the CPU's rasterizer in double and the cutoffs of 3DGS. Returns planar (3,H,W), not clamped,
+/// Renders the view with the CPU rasterizer in double and the cutoffs of 3DGS. Returns planar (3,H,W), not clamped,
 /// without photometric correction. Takes about three times as long as a frame of the CPU backend. Throws UsageError for
 /// an unknown model.
 std::vector<double> render_in_double(const Gaussians& model, const RenderRequest& request);

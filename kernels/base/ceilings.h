@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The peak rates of a machine. The least possible times of stages are computed from them.
+// The peak rates of a machine, from which the shortest possible times of stages are computed.
 #pragma once
 
 namespace gs {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Asks Linux what the process uses.
+// Reads the process's resource use from Linux.
 #include "kernels/base/clock.h"
 
 #include <unistd.h>

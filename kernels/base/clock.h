@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Clocks, and what this process uses of the machine.
+// Clocks, and this process's use of memory and processor time.
 #pragma once
 
 #include <chrono>
@@ -12,10 +12,10 @@ inline double seconds_now() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-/// Returns the bytes of memory that this process occupies now, or 0 if the system does not say.
+/// Returns the bytes of memory that this process occupies now, or 0 if the system does not report it.
 std::int64_t resident_bytes();
 
-/// Returns the seconds that the threads of this process have computed, since its beginning. Waiting does not count.
+/// Returns the CPU time in seconds of all threads of this process since its start. Waiting does not count.
 double cpu_seconds();
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An open file, pipe or socket, which is closed with its owner.
+// An open file, pipe or socket, which its owner closes on destruction.
 #pragma once
 
 #include <unistd.h>
@@ -17,7 +17,7 @@ class Descriptor {
         return *this;
     }
     ~Descriptor() { close(); }
-    /// Returns the system's number, negative if nothing is open.
+    /// Returns the system's file descriptor, negative if nothing is open.
     int fd() const { return fd_; }
     bool is_open() const { return fd_ >= 0; }
     void close() {

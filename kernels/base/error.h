@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The typed errors of every room. They carry the program's exit code; only apps/ prints and exits.
+// The typed errors of all code. They carry the program's exit code; only apps/ prints and exits.
 #pragma once
 
 #include <stdexcept>
@@ -17,8 +17,8 @@ enum class ExitCode : int {
     kInterrupted = 130  ///< stopped by the user after writing a checkpoint
 };
 
-/// The base of all gsapp errors. The message names file, field and value, and the likely cause if one is known. It
-/// is empty if another process says it.
+/// The base of all gsapp errors. The message names file, field and value, and the likely cause if it is known. It is
+/// empty if another process reports the error.
 class Error : public std::runtime_error {
   public:
     Error(ExitCode code, const std::string& message) : std::runtime_error(message), code_(code) {}

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Half precision on the host, which files and viewers use.
+// Half precision on the host, for files and viewers.
 #pragma once
 
 #include <bit>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The range of half precision, for the host and for CUDA, whose own type for halves differs.
+// The range of half precision, for the host and for CUDA, which has its own half type.
 #pragma once
 
 namespace gs {

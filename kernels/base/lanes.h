@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Vectors of sixteen lanes, with which the CPU blends sixteen pixels at once.
+// Vectors of sixteen lanes, for blending sixteen pixels at once on the CPU.
 //
-// `Lanes<T>` holds 16 values in compiler vectors as large as the machine's registers. With AVX-512, the few operations
-// that compilers turn into poor code (compare + select, exp2, reciprocal) use its instructions. Every operation has an
-// overload for a plain scalar, so the same templates serve one pixel (tests, CUDA) and sixteen.
+// `Lanes<T>` holds 16 values in compiler vectors of the machine's register size. With AVX-512, the few operations that
+// compilers translate poorly (compare + select, exp2, reciprocal) use its instructions. Every operation has an overload
+// for a plain scalar, so the same templates serve one pixel (tests, CUDA) and sixteen.
 #pragma once
 
 #include <cstdint>
@@ -53,8 +53,8 @@ GS_HD double reciprocal(double x) { return 1.0 / x; }
 
 inline constexpr int kLanes = 16;
 
-/// The bytes of a vector that the machine has registers for. Compilers keep larger ones in memory, and compare them
-/// lane by lane.
+/// Size in bytes of the machine's vector registers. Compilers keep larger vectors in memory, and compare them lane by
+/// lane.
 #if defined(GS_AVX512)
 inline constexpr int kPartBytes = 64;
 #elif defined(__AVX__)
@@ -83,7 +83,7 @@ template <class T> struct Lanes {
     GS_HD explicit Lanes(T x) {
         for (Part& part : parts) part = x - Part{};
     }
-    /// Returns the lanes whose k-th part is fn(k).
+    /// Returns the vector whose k-th part is fn(k).
     template <class Fn> static GS_HD Lanes of(Fn fn) {
         Lanes r;
         for (int k = 0; k < kParts<T>; ++k) r.parts[k] = fn(k);
@@ -137,8 +137,8 @@ template <class T> struct LaneMask {
 };
 template <class T> GS_HD unsigned mask_bits(LaneMask<T> m) { return m.bits; }
 
-// The maskz forms compile to the plain instructions; the plain intrinsics read an uninitialized operand inside GCC's
-// header, which GCC 12 warns about (GCC bug 105593).
+// The maskz forms compile to the plain instructions. The plain intrinsics read an uninitialized operand inside GCC's
+// header, about which GCC 12 warns (GCC bug 105593).
 inline constexpr __mmask16 kAllLanes = 0xffff;
 
 GS_HD __m512 vector_of(const Lanes<float>& x) { return (__m512)x.parts[0]; }
@@ -268,7 +268,7 @@ GS_HD Lanes<float> exp2_nonpositive(const Lanes<float>& x) {
     return scale_by_power_of_two(exp2_polynomial(clamped - n), n);
 }
 
-// Double lanes serve the reference backend of the tests, so plain loops are enough.
+// Double lanes serve the reference backend of the tests, so plain loops suffice.
 inline Lanes<double> exp2_nonpositive(const Lanes<double>& x) {
     Lanes<double> r;
     for (int i = 0; i < kLanes; ++i) r.set(i, exp2_nonpositive(x[i]));
@@ -281,11 +281,11 @@ inline double sum_lanes(const Lanes<double>& x) {
 }
 
 // --- the scalar functions of portable.h for lanes -----------------------------------------------------------------
-// They return for NaN what the scalar ones return.
+// For NaN these return the same as the scalar versions.
 template <class T> GS_HD Lanes<T> gs_min(const Lanes<T>& a, const Lanes<T>& b) { return lane_min(a, b); }
 template <class T> GS_HD Lanes<T> gs_max(const Lanes<T>& a, const Lanes<T>& b) { return lane_max(a, b); }
 
-/// Returns fn of each lane. Compilers make vector code of the functions that the machine has instructions for.
+/// Returns fn of each lane. Compilers vectorise functions for which the machine has instructions.
 template <class T, class Fn> GS_HD Lanes<T> map_lanes(const Lanes<T>& x, Fn fn) {
     T v[kLanes];
     x.store(v);
@@ -308,7 +308,7 @@ inline Lanes<double> gs_log(const Lanes<double>& x) {
     return map_lanes(x, [](double y) { return gs_log(y); });
 }
 
-/// Returns e^x with relative error below 2e-7 for x in [-87, 88]. Beyond, it returns the value at the nearer end.
+/// Returns e^x with relative error below 2e-7 for x in [-87, 88]. Outside, it returns the value at the nearer end.
 GS_HD Lanes<float> gs_exp(const Lanes<float>& x) {
     using L = Lanes<float>;
     const L clamped = lane_min(L(88.0f), lane_max(L(-87.0f), x));  // in this order NaN stays NaN
@@ -318,7 +318,7 @@ GS_HD Lanes<float> gs_exp(const Lanes<float>& x) {
     return scale_by_power_of_two(exp2_polynomial(r * log2e), n);
 }
 
-/// Returns ln x with error below 2e-7 (1 + |ln x|) for normal x > 0. Of other x it returns an unspecified value.
+/// Returns ln x with error below 2e-7 (1 + |ln x|) for normal x > 0. For other x the result is unspecified.
 GS_HD Lanes<float> gs_log(const Lanes<float>& x) {
     using L = Lanes<float>;
     using Types = LaneTypes<float>;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parallel loops on a TBB arena of the chosen number of threads.
+// Parallel loops in a TBB arena of the chosen number of threads.
 #include "kernels/base/parallel.h"
 
 #include <tbb/global_control.h>
@@ -19,8 +19,8 @@
 namespace gs {
 namespace {
 
-/// Throws DeviceError unless the system gives so many threads beside this one. TBB starts its own in functions that let
-/// no exception out, so that one it does not get would end the program.
+/// Throws DeviceError unless the system can start that many more threads. TBB starts its own threads inside noexcept
+/// functions, so a failure there would end the program.
 void require_threads(int count) {
     std::mutex mutex;
     std::condition_variable changed;
@@ -51,7 +51,7 @@ void require_threads(int count) {
                           "(ulimit -v)");
 }
 
-/// The threads of all parallel work. The control lets the arena have more threads than cores, which tests ask for.
+/// The threads of all parallel work. The control allows more threads than cores in the arena, as tests request.
 struct Threads {
     tbb::task_arena arena;
     std::unique_ptr<tbb::global_control> control;
@@ -59,7 +59,7 @@ struct Threads {
     explicit Threads(int threads) { set(threads); }
     void set(int threads) {
         if (threads <= 0) threads = tbb::info::default_concurrency();
-        if (control && threads == arena.max_concurrency()) return;  // another thread may be at work in it
+        if (control && threads == arena.max_concurrency()) return;  // another thread may be working in it
         require_threads(threads - 1);
         arena.terminate();
         control =
@@ -68,7 +68,7 @@ struct Threads {
     }
 };
 
-/// `first` is the number of threads if none was set before.
+/// Returns the threads. `first` is the number of threads on the first call.
 Threads& threads(int first = 0) {
     static Threads instance(first);
     return instance;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parallel loops on the CPU. Only this file picks threads.
+// Parallel loops on the CPU. Only this file manages threads.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 namespace gs {
 
 /// Sets the number of threads; 0 means all cores that the process may use. Must not be called while a parallel_for
-/// runs. Throws DeviceError if the system does not give so many.
+/// runs. Throws DeviceError if the system cannot start that many.
 void set_num_threads(int threads);
 int num_threads();
 
@@ -21,11 +21,11 @@ void parallel_for_function(std::int64_t n, const std::function<void(std::int64_t
 /// Calls parallel_for_function with any callable by reference; std::function would copy a large closure to the heap.
 template <class Fn> void parallel_for(std::int64_t n, Fn&& fn) { parallel_for_function(n, std::ref(fn)); }
 
-/// The number of Gaussian rows that are worked on as one part, for any number of threads.
+/// Number of Gaussian rows per part of parallel work, for any number of threads.
 inline constexpr std::int64_t kPartSize = 1024;
 inline std::int64_t num_parts(std::int64_t n, std::int64_t part = kPartSize) { return (n + part - 1) / part; }
 
-/// Calls fn(i) for rows i in [0, n), in parallel parts of kPartSize. It serves work that is too small for a call each.
+/// Calls fn(i) for rows i in [0, n), in parallel parts of kPartSize. For work that is too small for one call per row.
 template <class Fn> void parallel_for_rows(std::int64_t n, Fn&& fn) {
     parallel_for(num_parts(n), [&](std::int64_t part) {
         for (std::int64_t i = part * kPartSize, end = i + kPartSize < n ? i + kPartSize : n; i < end; ++i) fn(i);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Macros and scalar functions that mean the same on host and device.
+// Macros and scalar functions with the same meaning on host and device.
 #pragma once
 
 #include <cmath>
@@ -63,7 +63,7 @@ inline long double gs_tanh(long double x) { return ::tanhl(x); }
 inline long double gs_sin(long double x) { return ::sinl(x); }
 inline long double gs_cos(long double x) { return ::cosl(x); }
 inline void gs_sincos(long double x, long double& s, long double& c) { s = ::sinl(x), c = ::cosl(x); }
-// fmal is a hundred times slower.
+// fmal would be a hundred times slower.
 inline long double gs_fma(long double a, long double b, long double c) { return a * b + c; }
 #endif
 template <class T> GS_HD bool gs_isfinite(T x) {

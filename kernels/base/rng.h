@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Counter-based random numbers (Philox4x32-10). A value depends only on (seed, stream, index). So there is no generator
-// state to store, resuming is exact, and the number of threads has no influence.
+// state to store, resuming is exact, and results do not depend on the number of threads.
 // Source: Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// The use of a random number. It is part of the counter, so that uses never share numbers.
+/// The use of a random number. It is part of the counter, so that different uses never share numbers.
 enum class RngStream : std::uint32_t {
     kViewOrder = 1,
     kNoise,
@@ -50,7 +50,7 @@ template <class T = float> GS_HD T uniform_from_bits(std::uint32_t bits) {
     return (T(bits >> 9) + T(0.5)) * T(1.0 / 8388608.0);  // 23 bits: adding the half is exact in float
 }
 
-/// Makes four standard normals from one Philox block (Box-Muller).
+/// Computes four standard normals from one Philox block (Box-Muller).
 GS_HD void normals_from(const Philox4& r, float out[4]) {
     for (int k = 0; k < 2; ++k) {
         const float radius = ::sqrtf(-2.0f * ::logf(uniform_from_bits<float>(r.v[2 * k])));

@@ -34,8 +34,8 @@ struct Schedule {
                 return last + 0.5 * (initial - last) * (1 + std::cos(M_PI * t));
             }
             case Kind::kWarmUp: {
-                // The rate rises over 3000 iterations from a factor of 1e-8, and falls log-linearly to a tenth over 30
-                // 000.
+                // The rate rises over 3000 iterations from a factor of 1e-8, and falls log-linearly to a tenth over
+                // 30000.
                 const double w =
                     it < 3000 ? 1e-8 + (1 - 1e-8) * std::sin(0.5 * M_PI * std::clamp(it / 3000, 0.0, 1.0)) : 1.0;
                 return w * initial * std::pow(0.1, std::clamp(it / 30000, 0.0, 1.0));

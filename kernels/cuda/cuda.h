@@ -14,11 +14,11 @@ namespace gs {
 /// Throws DeviceError, with `what` and CUDA's message, unless `error` is cudaSuccess.
 inline void cuda_check(cudaError_t error, const char* what) {
     if (error == cudaSuccess) return;
-    cudaGetLastError();  // clears the error: the process may go on, e.g. to write a checkpoint
+    cudaGetLastError();  // clears the error: the process may continue, e.g. to write a checkpoint
     throw DeviceError(std::string(what) + ": " + cudaGetErrorString(error));
 }
 #define GS_CUDA(call) ::gs::cuda_check((call), #call)
-/// Checks a launch. It follows every launch, in every build.
+/// Checks a kernel launch. Required after every launch, in every build.
 #define GS_CUDA_LAUNCHED(name) ::gs::cuda_check(cudaGetLastError(), name)
 
 /// Returns the sum over the warp, in every lane.

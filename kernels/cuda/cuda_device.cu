@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Asks for the device, and measures the bandwidth and the arithmetic rate that it reaches.
+// Queries the CUDA device, and measures its peak bandwidth and arithmetic rate.
 #include "kernels/cuda/cuda_device.h"
 
 #include <algorithm>
@@ -13,8 +13,8 @@ namespace gs {
 namespace {
 
 constexpr int kBlock = 256;
-/// The FMA chains that a thread works on side by side, and the links of each per turn of the loop. An FMA takes 4
-/// cycles; 8 chains times the warps of a full multiprocessor hide that many times over.
+/// Number of FMA chains that a thread computes side by side, and number of links of each per loop iteration. An FMA
+/// takes 4 cycles; 8 chains times the warps of a full multiprocessor hide that many times over.
 constexpr int kChains = 8, kUnrolled = 16;
 constexpr int kRounds = 512;
 
@@ -25,10 +25,10 @@ __global__ void __launch_bounds__(kBlock)
     for (std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x; i < n; i += stride) to[i] = from[i];
 }
 
-/// Answers the question whether this build's code runs here at all.
+/// Tests whether code of this build runs on the device at all.
 __global__ void answer(int question, int* out) { *out = question + 1; }
 
-/// Runs the chains. The factors are arguments, so that the compiler cannot compute the chains beforehand.
+/// Computes the chains. The factors are arguments, so that the compiler cannot evaluate the chains in advance.
 __global__ void __launch_bounds__(kBlock) chain_fmas(float factor, float term, float* __restrict__ out) {
     float x[kChains];
     for (int c = 0; c < kChains; ++c) x[c] = float(threadIdx.x + c);
@@ -55,7 +55,7 @@ class Event {
     cudaEvent_t event_ = nullptr;
 };
 
-/// Device memory of a measurement. It is no DeviceBuffer, so that it does not count in the peak that runs report.
+/// Device memory of a measurement. It is not a DeviceBuffer, so that it does not count in the reported peak memory.
 class Memory {
   public:
     explicit Memory(std::size_t bytes) { GS_CUDA(cudaMalloc(&data_, bytes)); }
@@ -68,7 +68,7 @@ class Memory {
     void* data_ = nullptr;
 };
 
-/// Returns the least time of five launches after one to warm up, because a ceiling is the best that is possible.
+/// Returns the shortest time of five launches after one to warm up, because a peak rate is the best that is possible.
 template <class Launch> double best_seconds(const char* name, Launch&& launch) {
     const Event begin, end;
     float best = 1e30f;
@@ -93,19 +93,19 @@ cudaDeviceProp current_device() {
     return properties;
 }
 
-/// Turns CUDA's version number into text: 12080 -> "12.8".
+/// Converts CUDA's version number to text: 12080 -> "12.8".
 std::string cuda_version(int number) {
     return std::to_string(number / 1000) + "." + std::to_string(number % 1000 / 10);
 }
 
-/// Returns the CUDA version of the driver, 0 if there is none.
+/// Returns the CUDA version that the driver supports, 0 if there is no driver.
 int driver_version() {
     int version = 0;
     GS_CUDA(cudaDriverGetVersion(&version));
     return version;
 }
 
-/// The one kernel that a process tries before it relies on its device.
+/// The trial kernel that a process runs before it relies on its device.
 class Trial {
   public:
     static Trial& of_process() {
@@ -113,13 +113,13 @@ class Trial {
         return trial;
     }
 
-    /// Returns why the kernel failed; empty if it ran, or was not tried yet.
+    /// Returns why the kernel failed; empty if it ran, or has not been tried yet.
     std::string failure() {
         const std::lock_guard lock(mutex_);
         return failure_.value_or("");
     }
 
-    /// Runs the kernel unless that was done before, and returns why it failed.
+    /// Runs the kernel unless it was run before, and returns why it failed.
     std::string run() {
         const std::lock_guard lock(mutex_);
         if (!failure_) failure_ = try_now();
@@ -153,7 +153,7 @@ class Trial {
 
 std::string cuda_unavailable_reason() {
     int count = 0, driver = 0;
-    // Without one, counting says that its version is insufficient.
+    // Without a driver, cudaGetDeviceCount reports an insufficient driver version.
     if (cudaDriverGetVersion(&driver) == cudaSuccess && driver == 0) return "no NVIDIA driver";
     const cudaError_t error = cudaGetDeviceCount(&count);
     if (error != cudaSuccess) return cudaGetErrorString(error);
@@ -196,7 +196,7 @@ std::string cuda_driver_description() {
 }
 
 Ceilings cuda_ceilings() {
-    // 2048 threads fill a multiprocessor.
+    // 2048 threads fill one multiprocessor.
     const unsigned blocks = unsigned(8 * current_device().multiProcessorCount);
     std::size_t free = 0, total = 0;
     GS_CUDA(cudaMemGetInfo(&free, &total));

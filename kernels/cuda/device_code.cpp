@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which GPUs the CUDA code of a build runs on.
+// Determines which GPUs can run the CUDA code of a build.
 #include "kernels/cuda/device_code.h"
 
 #include <cstdlib>
@@ -8,13 +8,14 @@
 namespace gs {
 namespace {
 
-/// Copies to shared memory that bypass registers, and products of half-precision tiles, are new in Ampere.
+/// Oldest supported architecture: copies to shared memory that bypass registers, and products of half-precision tiles,
+/// are new in Ampere.
 constexpr int kOldest = 80;
 
 /// Returns whether `entry` of the list, such as "sm_80", "sm_90a", "sm_120+PTX" or "compute_80", runs on `capability`.
 bool runs_on(const std::string& entry, int capability) {
     const std::size_t digits = entry.find('_') + 1;
-    if (digits == 0) return true;  // "native", "all": the build decided, and trying a kernel will tell
+    if (digits == 0) return true;  // "native", "all": set at build time, so only trying a kernel shows it
     char* end = nullptr;
     const int built = int(std::strtol(entry.c_str() + digits, &end, 10));
     if (*end == 'a' || *end == 'f') return built == capability;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Device memory: buffers that grow, one scratch block that is carved anew for every use, and the count of all bytes.
+// Device memory: growable buffers, one scratch block that is carved anew for every use, and the count of all bytes.
 // Only .cu files include this header.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace gs {
 
-/// The bytes that all buffers of the process hold now, and the most that they ever held.
+/// The bytes held by all buffers of the process now, and their maximum so far.
 struct DeviceMemoryCount {
     std::atomic<std::int64_t> now = 0, peak = 0;
 
@@ -35,8 +35,8 @@ template <class T> class DeviceBuffer {
     DeviceBuffer& operator=(const DeviceBuffer&) = delete;
     ~DeviceBuffer() { release(); }
 
-    /// Makes room for at least n elements; growing drops the contents. Throws DeviceError with the sizes asked and
-    /// free.
+    /// Makes room for at least n elements; growing drops the contents. Throws DeviceError with the requested and free
+    /// sizes.
     T* reserve(std::size_t n) {
         if (n > capacity_) {
             const std::size_t wanted = std::max(n, capacity_ + capacity_ / 4);
@@ -51,14 +51,14 @@ template <class T> class DeviceBuffer {
         if (n <= capacity_) return data_;
         DeviceBuffer bigger;
         bigger.allocate(n);
-        // The release of the old memory waits for the device, which orders this copy with the streams that use it.
+        // Releasing the old memory waits for the device, which orders this copy with the streams that use the memory.
         if (used) GS_CUDA(cudaMemcpy(bigger.data_, data_, used * sizeof(T), cudaMemcpyDeviceToDevice));
         swap(bigger);
         return data_;
     }
-    /// Makes room for exactly n elements and keeps the first `used`. Where a copy beside them finds no memory, or would
-    /// be more than the process ever held, they pass by the host. Throws DeviceError like reserve; the elements are
-    /// lost then.
+    /// Makes room for exactly n elements and keeps the first `used`. If memory does not suffice for a second copy, or
+    /// that copy would exceed the process's peak, the elements are moved through the host. Throws DeviceError like
+    /// reserve; the elements are then lost.
     void refit(std::size_t n, std::size_t used) {
         GS_CUDA(cudaDeviceSynchronize());
         DeviceBuffer other;
@@ -72,7 +72,7 @@ template <class T> class DeviceBuffer {
         allocate(n);
         if (used > 0) GS_CUDA(cudaMemcpy(data_, kept.data(), used * sizeof(T), cudaMemcpyHostToDevice));
     }
-    /// Gives back the memory beyond n elements, if there is any, and keeps the first n.
+    /// Frees the memory beyond n elements, if there is any, and keeps the first n.
     void shrink(std::size_t n) {
         if (n == 0)
             release();
@@ -133,7 +133,7 @@ template <class T> class DeviceBuffer {
     std::size_t capacity_ = 0;
 };
 
-/// Hands out consecutive pieces of a block. With a null block it only counts.
+/// Hands out consecutive pieces of a block. With a null block it only measures the size.
 class Carver {
   public:
     explicit Carver(unsigned char* block) : block_(block) {}
@@ -145,7 +145,7 @@ class Carver {
         return piece;
     }
     std::size_t at() const { return at_; }
-    /// Goes back to an earlier at(). Pieces taken since then are dead, and their place is given out again.
+    /// Returns to an earlier at(). Pieces taken since then become invalid, and their memory is handed out again.
     void rewind(std::size_t at) { at_ = at; }
     std::size_t most() const { return most_; }
 
@@ -154,11 +154,11 @@ class Carver {
     std::size_t at_ = 0, most_ = 0;
 };
 
-/// One block for memory that lives no longer than an iteration or a densification.
+/// A block for memory that lives no longer than an iteration or a densification.
 class Scratch {
   public:
-    /// Runs layout(Carver&) twice, first to count and then to take; it must ask for the same both times. Pieces taken
-    /// before become invalid. Where the block grows, it grows to at least `room` bytes.
+    /// Runs layout(Carver&) twice, first to measure and then to take; it must make the same requests both times. Pieces
+    /// taken before become invalid. If the block grows, it grows to at least `room` bytes.
     template <class Layout> void carve(Layout&& layout, std::size_t room = 0) {
         Carver count(nullptr);
         layout(count);
@@ -170,7 +170,7 @@ class Scratch {
         Carver c(block_.reserve(bytes));
         layout(c);
     }
-    /// Gives the memory back. Pieces taken before become invalid.
+    /// Frees the memory. Pieces taken before become invalid.
     void release() { block_.shrink(0); }
     std::int64_t bytes() const { return block_.bytes(); }
 

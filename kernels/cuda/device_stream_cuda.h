@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a CUDA device does in order: a stream, as a rank shows it to those who move its arrays, and kernels that are
+// Ordered work of a CUDA device: a stream, as an interface for code that moves a rank's arrays, and kernels that are
 // launched together. Only .cu files include this header.
 #pragma once
 
@@ -9,10 +9,10 @@
 
 namespace gs {
 
-/// A CUDA device as a rank shows it to those who move its arrays.
+/// A CUDA device, as an interface for code that moves a rank's arrays.
 class CudaDeviceStream final : public DeviceStream {
   public:
-    /// Works on a stream, which must outlive it, of the device that is current.
+    /// Uses `stream` of the current device; the stream must outlive the object.
     explicit CudaDeviceStream(cudaStream_t stream) : stream_(stream) {}
     ~CudaDeviceStream() {
         if (!transfers_) return;
@@ -33,7 +33,7 @@ class CudaDeviceStream final : public DeviceStream {
         if (!transfers_) {
             int least = 0, greatest = 0;
             GS_CUDA(cudaDeviceGetStreamPriorityRange(&least, &greatest));
-            // Other ranks wait for the splats, and nobody yet for what is computed meanwhile.
+            // Other ranks wait for the splats, but nothing waits yet for the work computed meanwhile.
             GS_CUDA(cudaStreamCreateWithPriority(&transfers_, cudaStreamNonBlocking, greatest));
             GS_CUDA(cudaEventCreateWithFlags(&marked_, cudaEventDisableTiming));
             GS_CUDA(cudaEventCreateWithFlags(&transferred_, cudaEventDisableTiming));
@@ -64,12 +64,12 @@ class CudaDeviceStream final : public DeviceStream {
     cudaEvent_t marked_ = nullptr, transferred_ = nullptr;
 };
 
-/// Launches what is enqueued together as one CUDA graph. In a stream a kernel begins about a microsecond after the one
-/// before it has ended, which in a step of twenty kernels adds up; in a graph it begins sooner
+/// Launches kernels that are enqueued together as one CUDA graph. In a stream a kernel begins about a microsecond after
+/// the end of the previous one, which adds up in a step of twenty kernels; in a graph it begins sooner
 /// (docs/lab/kernels.md#steps-as-graphs).
 ///
-/// The graph is made anew for each launch, since most arguments differ, and takes the place of the last one where both
-/// have the same shape. The device must be at work meanwhile: work that is waited for at once is sooner done without.
+/// The graph is rebuilt for each launch, since most arguments differ, and updates the last one in place if both have
+/// the same shape. The device must be busy meanwhile: work that is waited for at once is done sooner without a graph.
 class LaunchGraph {
   public:
     LaunchGraph() = default;
@@ -77,8 +77,8 @@ class LaunchGraph {
     LaunchGraph& operator=(const LaunchGraph&) = delete;
     ~LaunchGraph() { forget(); }
 
-    /// Calls enqueue(), which must not wait or allocate, and launches in `stream` what it enqueues there. Throws
-    /// DeviceError, and what enqueue() throws; nothing is launched then.
+    /// Calls enqueue(), which must not wait or allocate, and launches the work that it enqueues in `stream`. Throws
+    /// DeviceError, and errors of enqueue(); nothing is launched then.
     template <class Fn> void run(cudaStream_t stream, Fn&& enqueue) {
         GS_CUDA(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));
         Captured captured;
@@ -106,7 +106,7 @@ class LaunchGraph {
             if (graph) cudaGraphDestroy(graph);
         }
     };
-    /// A launch that is under way ends as it would have.
+    /// Discards the graph. A launch in progress completes normally.
     void forget() {
         if (launchable_) cudaGraphExecDestroy(launchable_);
         launchable_ = nullptr;

@@ -11,30 +11,31 @@ namespace gs {
 
 struct CudaModel {
     std::int64_t count = 0;
-    std::int64_t without_residual = 0;  ///< the number of Gaussians without a residual: the last ones
+    std::int64_t without_residual = 0;  ///< number of Gaussians without a residual: the last ones
     int width[kNumGroups] = {};
     DeviceBuffer<float> param[kNumGroups], m[kNumGroups], v[kNumGroups];  ///< (count, width)
-    bool packed_moments = false;  ///< residuals: m holds words of both moments, v is empty (packed_moments.h)
-    bool has_statistic = false;   ///< gradient_sum and gradient_count hold `count` values
+    bool packed_moments = false;  ///< residuals: m holds packed words of both moments, v is empty (packed_moments.h)
+    bool has_statistic = false;   ///< whether gradient_sum and gradient_count hold `count` values
     DeviceBuffer<float> gradient_sum, gradient_count;
-    bool has_last_step = false;  ///< last_step holds `count` values
+    bool has_last_step = false;  ///< whether last_step holds `count` values
     DeviceBuffer<float> last_step;
-    /// In the place of the residuals and their moments while rows of a mixed model move (kernels/densify/rows_cuda.h).
+    /// Handles that replace the residuals and their moments while rows of a mixed model move
+    /// (kernels/densify/rows_cuda.h).
     DeviceBuffer<float> handles[3];
-    bool rows_moved = false;  ///< whether rows moved since the handles took their place
-    bool broken = false;      ///< whether an error came between that and the return of the residuals
-    DeviceBuffer<float> shared_param, shared_m, shared_v;  ///< weights that all Gaussians share
-    DeviceBuffer<unsigned> shared_prepared;                ///< these weights in the form that kernels read
+    bool rows_moved = false;                               ///< whether rows moved since the handles took their place
+    bool broken = false;                                   ///< whether an error prevented the return of the residuals
+    DeviceBuffer<float> shared_param, shared_m, shared_v;  ///< weights shared by all Gaussians
+    DeviceBuffer<unsigned> shared_prepared;                ///< these weights in the format for kernels
 
     std::int64_t num_residuals() const { return width[int(Group::kResidual)] > 0 ? count - without_residual : 0; }
     std::int64_t rows(int group) const { return group == int(Group::kResidual) ? num_residuals() : count; }
     std::size_t floats(int group) const { return std::size_t(rows(group)) * width[group]; }
-    /// Returns the arrays that hold a group's moments. Zeros in them are moments of 0.
+    /// Returns the arrays that hold a group's moments. Zeros in the arrays are moments of 0.
     std::vector<DeviceBuffer<float>*> moments(int group) {
         if (packed_moments && group == int(Group::kResidual)) return {&m[group]};
         return {&m[group], &v[group]};
     }
-    /// Returns the number of rows that the opacities have room for.
+    /// Returns the number of rows for which the opacities have room.
     std::size_t row_capacity() const { return param[int(Group::kOpacity)].capacity(); }
     ModelArrays arrays() const {
         ModelArrays a{};
@@ -43,7 +44,7 @@ struct CudaModel {
         a.shared_param = shared_param.get(), a.shared_m = shared_m.get(), a.shared_v = shared_v.get();
         return a;
     }
-    /// Makes room for n rows in every group and keeps the present ones.
+    /// Makes room for n rows in every group and keeps the existing rows.
     void reserve_rows(std::int64_t n) {
         for (int g = 0; g < kNumGroups; ++g) {
             param[g].grow(std::size_t(n) * width[g], floats(g));
@@ -51,7 +52,7 @@ struct CudaModel {
         }
         if (has_last_step) last_step.grow(std::size_t(n), std::size_t(count));
     }
-    /// Gives back the memory of rows that are gone, where it is more than an eighth.
+    /// Frees the memory of removed rows, if it is more than an eighth.
     void shrink_rows() {
         const auto shrink = [](DeviceBuffer<float>& buffer, std::size_t n) {
             if (buffer.capacity() > n + n / 8) buffer.shrink(n);

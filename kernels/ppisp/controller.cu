@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controller on the device. Each row of 3x3 pixels has a block of threads, whose sums are added in order. One block
-// does the layers behind the mean.
+// The controller on the device. One block of threads processes each row of 3x3-pixel blocks, and the row sums are added
+// in order. A single block computes the layers after the mean.
 #include "kernels/ppisp/ppisp_cuda.h"
 #include "kernels/state/adam_device.h"
 
@@ -10,7 +10,7 @@ namespace {
 using Activations = ControllerActivations;
 
 constexpr int kRowValues = kControllerBins * kControllerChannels;
-/// The columns that a block processes together.
+/// Number of columns that a block processes together.
 constexpr int kForwardColumns = 128, kForwardThreads = kRowValues, kBackwardColumns = 64, kBackwardThreads = 256;
 static_assert(kForwardThreads >= kForwardColumns && kBackwardThreads >= kBackwardColumns);
 constexpr int kDenseThreads = 1024, kWeightThreads = 256;
@@ -42,7 +42,7 @@ __global__ void __launch_bounds__(kForwardThreads)
     row_sums[blockIdx.x * kRowValues + t] = sum;
 }
 
-/// Computes out = W in + b with a warp for each output.
+/// Computes out = W in + b with one warp per output.
 __device__ void linear(const float* weights, ControllerLayer layer, const float* in, float* out, bool relu) {
     const int lane = threadIdx.x % 32;
     for (int o = threadIdx.x / 32; o < layer.outputs; o += kDenseThreads / 32) {
@@ -115,7 +115,7 @@ __global__ void __launch_bounds__(kDenseThreads)
     }
 }
 
-/// Sums the gradients of the layers that see blocks over one row of blocks: (rows, kControllerBlockWeights).
+/// Sums the gradients of the block layers over one row of blocks: (rows, kControllerBlockWeights).
 __global__ void __launch_bounds__(kBackwardThreads)
     sum_row_gradients(const float* weights, const float* image, int width, int height, const Activations* a,
                       float* row_gradients) {
@@ -127,7 +127,7 @@ __global__ void __launch_bounds__(kBackwardThreads)
         pixel[kBackwardColumns][kControllerHiddenChannels * 3];
     copy_block_weights(weights, w);
     const int t = threadIdx.x, y = blockIdx.x, columns = controller_blocks(width), rows = controller_blocks(height);
-    if (t < kRowValues) {  // the gradient that a block of this row gets from each bin column
+    if (t < kRowValues) {  // the gradient of a block of this row from each bin column
         float sum = 0;
         for (int row = 0; row < kControllerBins; ++row)
             if (controller_bin_has(row, rows, y)) sum += a->dL_dbins[row * kRowValues + t];

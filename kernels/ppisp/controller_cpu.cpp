@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controller on the CPU. Rows of blocks run in parallel, and their sums are added in order. The layers behind the
+// The controller on the CPU. Rows of blocks run in parallel, and their sums are added in order. The layers after the
 // mean are small and run in one thread.
 #include <algorithm>
 #include <cmath>
@@ -94,7 +94,7 @@ void Controller<Real>::backward(const Real* weights, const Real* image, const Re
             if (!(inputs_[k][i] > Real(0))) dL_din[i] = 0;
         dL_dlayer = std::move(dL_din);
     }
-    std::vector<Real> dL_dbins(kControllerGrid * kControllerChannels, Real(0));  // gradients of the bins' sums
+    std::vector<Real> dL_dbins(kControllerGrid * kControllerChannels, Real(0));  // gradients of the sums over bins
     for (int bin = 0; bin < kControllerGrid; ++bin) {
         Real dL_dencoded[kEncoded], *dL_dmean = dL_dbins.data() + bin * kControllerChannels;
         for (int c = 0; c < kEncoded; ++c) dL_dencoded[c] = dL_dlayer[c * kControllerGrid + bin];

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The parts that CPU and CUDA controller share (docs/math/ppisp.md#controller): the layout of the weights, the blocks
-// of each bin, and the layers that see single blocks of pixels.
+// Code common to the CPU and CUDA controllers (docs/math/ppisp.md#controller): the layout of the weights, the blocks of
+// each bin, and the layers that process single blocks of pixels.
 //
 // The convolution to 64 channels is linear and followed by a mean. It is therefore applied to the 25 means of 32
-// channels instead of to all blocks. The result is the same up to rounding, and all blocks are spared the widest layer.
+// channels instead of to all blocks. The result is the same up to rounding, and the widest layer does not run on every
+// block.
 #pragma once
 
 #include <cstddef>
@@ -13,14 +14,15 @@
 
 namespace gs {
 
-/// The place of a layer's values: weights (outputs, inputs), row-major from `offset`, then biases.
+/// The position of a layer's values: weights (outputs, inputs), row-major from `offset`, then biases.
 struct ControllerLayer {
     int offset, inputs, outputs;
     GS_HD constexpr int bias() const { return offset + inputs * outputs; }
 };
 
 inline constexpr int kControllerLayers = 7;
-/// Returns a layer. Layers 0..2 see blocks and bins, 3..5 the whole image; layer 6 gives exposure and colour latents.
+/// Returns a layer. Layers 0..2 process blocks and bins, 3..5 the whole image; layer 6 outputs exposure and colour
+/// latents.
 GS_HD constexpr ControllerLayer controller_layer(int layer) {
     const int inputs[kControllerLayers] = {
         3, 16, 32, kControllerInputs, kControllerHidden, kControllerHidden, kControllerHidden};
@@ -33,19 +35,19 @@ GS_HD constexpr ControllerLayer controller_layer(int layer) {
 static_assert(controller_layer(6).bias() + kIspFrameValues == kControllerWeights);
 
 inline constexpr int kControllerGrid = kControllerBins * kControllerBins;
-/// The number of channels after the first and after the second layer.
+/// Number of channels after the first and after the second layer.
 inline constexpr int kControllerHiddenChannels = kControllerConv[1], kControllerChannels = kControllerConv[2];
-/// The number of weights of the layers that see blocks, which come first.
+/// Number of weights of the block layers, which come first.
 inline constexpr int kControllerBlockWeights = controller_layer(2).offset;
 
-/// Returns the number of blocks along a side of `pixels`. Pixels left over at its end are ignored.
+/// Returns the number of blocks along a side of `pixels`. Remaining pixels at its end are ignored.
 GS_HD constexpr int controller_blocks(int pixels) { return pixels / kControllerPool; }
-/// Returns whether an image has a block. Without one the controller's values are 0.
+/// Returns whether an image contains at least one block. Otherwise the controller's values are 0.
 GS_HD constexpr bool controller_sees(int width, int height) {
     return controller_blocks(width) > 0 && controller_blocks(height) > 0;
 }
-/// Bin `bin` along a side of n blocks covers [begin, end). Neighbours overlap by one unless 5 divides n. With fewer
-/// than 5 blocks they repeat.
+/// Returns the bounds [begin, end) of bin `bin` along a side of n blocks. Neighbouring bins overlap by one block unless
+/// 5 divides n. With fewer than 5 blocks, blocks are repeated.
 GS_HD constexpr int controller_bin_begin(int bin, int n) { return bin * n / kControllerBins; }
 GS_HD constexpr int controller_bin_end(int bin, int n) {
     return ((bin + 1) * n + kControllerBins - 1) / kControllerBins;
@@ -77,8 +79,8 @@ GS_HD ControllerBlock<Real> controller_block(const Real* image, int width, int h
             std::ptrdiff_t(width) * height};
 }
 
-/// Evaluates an output of the first layer. Returns its largest value over the block; `pixel` becomes the (first) pixel
-/// that has it.
+/// Evaluates an output of the first layer. Returns its maximum over the block, and sets `pixel` to the first pixel with
+/// this value.
 template <class Real>
 GS_HD Real controller_strongest(const Real* weights, const ControllerBlock<Real>& block, int output, int& pixel) {
     constexpr ControllerLayer layer = controller_layer(0);
@@ -94,7 +96,7 @@ GS_HD Real controller_strongest(const Real* weights, const ControllerBlock<Real>
 /// The activations of one block.
 template <class Real> struct ControllerFeatures {
     Real hidden[kControllerHiddenChannels], out[kControllerChannels];  ///< both after ReLU
-    /// The pixel that has the maximum of each hidden channel.
+    /// Pixel with the maximum of each hidden channel.
     int pixel[kControllerHiddenChannels];
 };
 
@@ -110,7 +112,7 @@ GS_HD void controller_features(const Real* weights, const ControllerBlock<Real>&
     }
 }
 
-/// Adds to the first kControllerBlockWeights of dL_dweights, given dL/d(f.out).
+/// Adds the gradients of the first kControllerBlockWeights weights to dL_dweights, given dL/d(f.out).
 template <class Real>
 GS_HD void controller_features_backward(const Real* weights, const ControllerBlock<Real>& block,
                                         const ControllerFeatures<Real>& f, const Real* dL_dfeatures,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PPISP on the device. Forward and backward take one pass each over a view's pixels; one block does the 37 sums and the
-// few parameters.
+// PPISP on the device. The forward and backward pass each visit a view's pixels once; one block computes the 37 sums
+// and the few parameters.
 #include "kernels/ppisp/ppisp_cuda.h"
 #include "kernels/state/adam_device.h"
 
@@ -8,10 +8,11 @@ namespace gs {
 namespace {
 
 constexpr int kPixelThreads = 256;
-/// The blocks of the backward pass. Each adds up its pixels in registers first, so that the sums over blocks are short.
-/// The number is four times a large device's multiprocessors. It is fixed, so that results do not depend on the device.
+/// Block size and number of blocks of the backward pass. Each block first adds up its pixels in registers, so that the
+/// sums over blocks are short. The number of blocks is four times the multiprocessors of a large device. It is fixed,
+/// so that results do not depend on the device.
 constexpr int kSumThreads = 128, kSumBlocks = 528;
-/// The threads of the one block that takes the optimizer's step, which has only a few values a frame.
+/// Threads of the one block that takes the optimizer's step, which has only a few values per frame.
 constexpr int kStepThreads = 1024;
 
 __device__ Vec3<float> pixel_of(const float* image, std::size_t i, std::size_t pixels) {
@@ -68,7 +69,8 @@ __global__ void __launch_bounds__(kSumThreads)
     partials[blockIdx.x * kIspSums + threadIdx.x] = sum;
 }
 
-/// Adds up the partial sums and finishes the view's gradients. Each sum has a warp, and is in double as on the CPU.
+/// Adds up the partial sums and finishes the view's gradients. Each sum is computed by one warp, in double as on the
+/// CPU.
 __global__ void __launch_bounds__(kStepThreads) finish_view(const float* partials, IspDeviceView* view) {
     __shared__ IspSums<float> sums;
     const int lane = threadIdx.x % 32;
@@ -84,7 +86,7 @@ __global__ void __launch_bounds__(kStepThreads) finish_view(const float* partial
 
 struct StepArgs {
     float *param, *m, *v, *gradient;
-    int frames, cameras, frame, camera;  ///< numbers of both, and the view's indices; frame -1: none
+    int frames, cameras, frame, camera;  ///< counts of both, and the view's indices; frame -1: none
     AdamStep<float> step;
 };
 

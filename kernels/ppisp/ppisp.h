@@ -11,16 +11,16 @@
 
 namespace gs {
 
-/// Evaluates controllers and their gradients. It reuses its buffers from call to call.
+/// Evaluates controllers and their gradients. Buffers are reused from call to call.
 template <class Real> class Controller {
   public:
-    /// Evaluates the controller on a planar (3,H,W) image. Writes kIspFrameValues to `out`, laid out as a frame's
-    /// values; they are 0 for an image without a block (controller_sees). The result does not depend on threads, to the
-    /// bit.
+    /// Evaluates the controller on a planar (3,H,W) image. Writes kIspFrameValues to `out`, in the layout of a frame's
+    /// values; they are 0 for an image without a block (controller_sees). The result does not depend on the number of
+    /// threads, to the bit.
     void forward(const Real* weights, const Real* image, int width, int height, Real prior_exposure, Real* out);
 
-    /// Computes the gradients of the last forward, with the same weights and image. Overwrites dL_dweights
-    /// (kControllerWeights) with them, and with zeros for an image without a block.
+    /// Computes the gradients of the last forward(), with the same weights and image. Overwrites dL_dweights
+    /// (kControllerWeights) with the gradients, or with zeros for an image without a block.
     void backward(const Real* weights, const Real* image, const Real* dL_dout, Real* dL_dweights);
 
   private:
@@ -41,45 +41,45 @@ inline bool is_corrected(const PpispState& state, const IspView& view) {
 
 /// Throws UsageError if the model lacks the view's frame or camera; the message names it.
 void check_isp_view(const PpispState& state, const IspView& view);
-/// Throws UsageError if `Backend::distill` has nothing to train: the model has no controllers, or the view does not
-/// use one.
+/// Throws UsageError if `Backend::distill` has nothing to train: the model has no controllers, or the view does not use
+/// a controller.
 void check_distillation(const PpispState& state, const IspView& view);
 
-/// Adds moments of 0 if there are none.
+/// Adds zero moments if there are none.
 void allocate_moments(PpispState& state);
 void drop_moments(PpispState& state);
 
-/// Takes one Adam step of n values. If a gradient is not finite, which would stay in the moments for ever, it changes
-/// nothing and returns false.
+/// Takes one Adam step of n values. If a gradient is not finite, it changes nothing and returns false: the value would
+/// stay in the moments for ever.
 bool step_values(float* param, float* m, float* v, const float* gradient, std::int64_t n, double rate, std::int64_t t,
                  int views = 1);
 
-/// Takes step `state.step` of all frames and cameras on `views` views, with the mean `gradient` of these, to which it
-/// adds the regularisers. If a gradient is not finite, it changes nothing and returns false.
+/// Takes step `state.step` of all frames and cameras, with the mean `gradient` over `views` views, to which it adds the
+/// regularisers. If a gradient is not finite, it changes nothing and returns false.
 bool step_ppisp(PpispState& state, std::vector<float>& gradient, double rate, int views = 1);
 
 /// Adds the gradient of one view's frame and camera to `gradient` (state.size()).
 void add_isp_gradient(const PpispState& state, const IspView& view, const float (&dL_dframe)[kIspFrameValues],
                       const float (&dL_dcamera)[kIspCameraValues], std::vector<float>& gradient);
 
-/// The correction of one view. It reuses its buffers from call to call. All results are independent of threads, to the
-/// bit.
+/// The correction of one view. Buffers are reused from call to call. All results are independent of the number of
+/// threads, to the bit.
 class ViewCorrection {
   public:
     /// Corrects the planar (3,H,W) `image` of a view for which is_corrected() is true. `out` may be `image`.
     void apply(const PpispState& state, const IspView& view, const float* image, int width, int height, float* out);
 
-    /// Turns dL_dimage (3,H,W), the gradient of the last apply's output, into the gradient of its input `image`. The
-    /// output of a controller counts as constant.
+    /// Replaces dL_dimage (3,H,W), the gradient of the last apply()'s output, by the gradient of its input `image`. The
+    /// output of a controller is treated as constant.
     void backward(const float* image, float* dL_dimage);
 
-    /// Adds the gradient of the view's frame and camera after backward() to `gradient` (state.size()).
+    /// Adds the gradient of the view's frame and camera to `gradient` (state.size()) after backward().
     void add_gradient(const PpispState& state, std::vector<float>& gradient) const;
     /// Calls step_ppisp with the view's gradient.
     bool step_parameters(PpispState& state, double rate);
 
-    /// Takes step `state.controller_step` of the controller of the view's camera; `image` is that of apply. If a
-    /// gradient is not finite, it changes nothing and returns false. An image too small for a controller changes
+    /// Takes step `state.controller_step` of the controller of the view's camera; `image` must be the input of apply().
+    /// If a gradient is not finite, it changes nothing and returns false. An image too small for a controller changes
     /// nothing.
     bool step_controller(PpispState& state, const float* image, double rate);
 

@@ -2,9 +2,9 @@
 // PPISP for one pixel, forward (docs/math/ppisp.md#pipeline) and backward (docs/math/ppisp.md#gradients): exposure,
 // vignetting, colour homography, response.
 //
-// The values that all pixels of a view share are prepared once (isp_frame, isp_camera). The backward pass adds 37
-// numbers per pixel, the gradients of the prepared values. isp_finish turns their sums over the view into gradients of
-// the parameters.
+// Values common to all pixels of a view are prepared once (isp_frame, isp_camera). The backward pass adds 37 numbers
+// per pixel, the gradients of the prepared values. isp_finish converts their sums over the view to gradients of the
+// parameters.
 #pragma once
 
 #include "kernels/base/vec.h"
@@ -12,17 +12,16 @@
 
 namespace gs {
 
-/// The limit that exposures are clamped to, in stops. 2^16 times the brightest colour is still far inside float's
-/// range.
+/// Limit to which exposures are clamped, in stops. 2^16 times the brightest colour is still far inside float's range.
 inline constexpr double kLargestExposure = 16;
-/// The least divisor of the corrected intensity. (The reference adds it instead, which darkens every pixel a little; a
+/// Smallest divisor of the corrected intensity. (The reference adds it instead, which darkens every pixel a little; a
 /// neutral correction would then change pixels.)
 inline constexpr double kIspIntensityEpsilon = 1e-5;
-/// The least divisor of the homography, as a part of its largest element; above it the divisor is the last element. A
-/// correction below it has left the colours long ago, and only has to stay finite. (The factor nearly cancels, because
-/// colours keep their intensity.)
+/// Smallest divisor of the homography, as a fraction of its largest element; above it the divisor is the last element.
+/// A correction below it is far from any plausible colour, and only has to stay finite. (The factor nearly cancels,
+/// because colours keep their intensity.)
 inline constexpr double kIspSmallestScale = 1e-6;
-/// The limit that slopes of the response are clamped to. With exponents of 0.3 and 0.1 the slope at black has no bound.
+/// Limit to which slopes of the response are clamped. With exponents of 0.3 and 0.1 the slope at black is unbounded.
 inline constexpr double kIspLargestSlope = 1e12;
 
 /// The prepared exposure and colour of one frame.
@@ -31,10 +30,10 @@ template <class Real> struct IspFrame {
     Mat3<Real> mix;  ///< homography of (red, green, intensity), as it acts on (red, green, blue)
 };
 
-/// The response of one channel from 0 to 1. Toe and shoulder meet at the centre with one value and slope.
+/// The response of one channel from 0 to 1. Toe and shoulder meet at the centre with the same value and slope.
 template <class Real> struct IspResponse {
     Real toe, shoulder, gamma;  ///< exponents
-    Real centre, rest;          ///< the centre, and 1 - centre without its rounding
+    Real centre, rest;          ///< centre, and 1 - centre without its rounding error
     Real inverse_length;        ///< 1 / (shoulder centre + toe rest)
 };
 
@@ -44,13 +43,13 @@ template <class Real> struct IspCamera {
     IspResponse<Real> response[3];
 };
 
-/// The first index of each part of the sums.
+/// First index of each part of the sums.
 inline constexpr int kIspSumExposure = 0, kIspSumMix = 1, kIspSumVignetting = kIspSumMix + 9,
                      kIspSumResponse = kIspSumVignetting + 3 * kIspVignetting,
                      kIspSums = kIspSumResponse + 3 * kIspResponse;
 static_assert(kIspSums == 37);
 
-/// The gradients of the values that a view's pixels share: exposure (in stops); mix, row-major; vignetting per channel;
+/// The gradients of the values common to a view's pixels: exposure (in stops); mix, row-major; vignetting per channel;
 /// toe, shoulder, gamma (activated) and centre per channel.
 template <class Real> struct IspSums { Real v[kIspSums]; };
 
@@ -61,14 +60,14 @@ struct IspColor {
     Vec3<double> target[4];  ///< targets of blue, red, green and neutral
     Vec3<double> rows[3];    ///< rows of M = [neutral]x (blue red green), which has rank 2
     int first, second;       ///< rows whose cross product is lambda
-    Vec3<double> lambda;     ///< M's null vector: weights that mix neutral from the three
+    Vec3<double> lambda;     ///< M's null vector: weights that mix neutral from blue, red and green
     Mat3<double> mixed;      ///< homography before the division by `scale`
     double scale;            ///< divisor of the homography
-    bool scaled_by_element;  ///< whether scale is the last element (and not a bound)
+    bool scaled_by_element;  ///< whether scale is the last element (and not the lower bound)
 };
 
-/// Returns the symmetric matrix (xx, xy, yy) that maps the latents of a point to the offset of its target. The matrices
-/// make a unit of each latent matter alike.
+/// Returns the symmetric matrix (xx, xy, yy) that maps the latents of a point to the offset of its target. It gives a
+/// unit of every latent about the same effect.
 GS_HD Sym2<double> isp_latent_scale(int point) {
     switch (point) {
         case 0:
@@ -96,7 +95,8 @@ template <class Real> GS_HD IspColor isp_color(const Real* latents) {
     const Vec3<double> b = cross(c.target[3], c.target[0]), r = cross(c.target[3], c.target[1]),
                        g = cross(c.target[3], c.target[2]);
     c.rows[0] = {b.x, r.x, g.x}, c.rows[1] = {b.y, r.y, g.y}, c.rows[2] = {b.z, r.z, g.z};
-    // All pairs give the same vector up to a factor, which the scale cancels. The longest has lost least to rounding.
+    // All pairs give the same vector up to a factor, which the scale cancels. The longest has the smallest rounding
+    // error.
     double longest = -1;
     for (int i = 0; i < 2; ++i) {
         for (int j = i + 1; j < 3; ++j) {
@@ -152,7 +152,8 @@ template <class Real> GS_HD void isp_color_backward(const IspColor& c, const Rea
 /// Prepares a frame from kIspFrameValues raw values.
 template <class Real> GS_HD IspFrame<Real> isp_frame(const Real* raw) {
     const IspColor color = isp_color(raw + 1);
-    // Intensity is the sum of the channels, and blue the rest of it. In double, a neutral correction is 1 to the bit.
+    // Intensity is the sum of the channels, and blue is intensity minus red and green. In double, a neutral correction
+    // is 1 to the bit.
     const auto on_channels = [&](const Vec3<double>& row) {
         return Vec3<double>{(row.x + row.z) / color.scale, (row.y + row.z) / color.scale, row.z / color.scale};
     };
@@ -166,8 +167,8 @@ template <class Real> GS_HD IspFrame<Real> isp_frame(const Real* raw) {
 /// The smallest toe and shoulder, and the smallest gamma.
 inline constexpr double kIspLeastToe = 0.3, kIspLeastGamma = 0.1;
 
-/// Prepares a camera from kIspCameraValues raw values. Exponents are computed in double, so that those of a neutral
-/// correction are 1 to the bit.
+/// Prepares a camera from kIspCameraValues raw values. Exponents are computed in double, so that a neutral correction
+/// has exponents of 1 to the bit.
 template <class Real> GS_HD IspCamera<Real> isp_camera(const Real* raw) {
     IspCamera<Real> camera;
     for (int c = 0; c < 3; ++c) {
@@ -184,7 +185,7 @@ template <class Real> GS_HD IspCamera<Real> isp_camera(const Real* raw) {
     return camera;
 }
 
-/// Returns the centre of pixel (x, y) in coordinates where the image's centre is 0 and its longer side 1.
+/// Returns the centre of pixel (x, y) in coordinates with origin at the image's centre and a longer side of 1.
 template <class Real> GS_HD Vec2<Real> isp_uv(int x, int y, int width, int height) {
     const Real longer = Real(width > height ? width : height);
     return {(Real(x) + Real(0.5) - Real(0.5) * Real(width)) / longer,
@@ -199,7 +200,7 @@ template <class Real> GS_HD Real isp_vignette(const Real* v, const Vec2<Real>& u
     return Real(1) + r2 * (v[2] + r2 * (v[3] + r2 * v[4]));
 }
 
-/// Adds to dL/d(cx, cy, alpha0..2), given dL/dfactor.
+/// Adds the gradients dL/d(cx, cy, alpha0..2) to `sums`, given dL/dfactor.
 template <class Real>
 GS_HD void isp_vignette_backward(const Real* v, const Vec2<Real>& uv, Real dL_dfactor, Real* sums) {
     const Real dx = uv.x - v[0], dy = uv.y - v[1], r2 = dx * dx + dy * dy;
@@ -211,7 +212,7 @@ GS_HD void isp_vignette_backward(const Real* v, const Vec2<Real>& uv, Real dL_df
     sums[4] += dL_dfactor * r2 * r2 * r2;
 }
 
-/// Clamps to [0,1]. NaN stays NaN, so that the loss shows it.
+/// Clamps to [0,1]. NaN stays NaN, so that it shows up in the loss.
 template <class Real> GS_HD Real isp_unit(Real x) { return x < Real(0) ? Real(0) : (x > Real(1) ? Real(1) : x); }
 
 /// Returns x^exponent for x >= 0. An exponent of 1 returns x to the bit.
@@ -232,13 +233,13 @@ template <class Real> GS_HD Real isp_respond(const IspResponse<Real>& r, Real va
     return y <= Real(0) ? Real(0) : isp_power(y, r.gamma);
 }
 
-/// Returns dL/dvalue, and adds to dL/d(toe, shoulder, gamma, centre). All are 0 for values outside (0,1).
+/// Returns dL/dvalue, and adds dL/d(toe, shoulder, gamma, centre) to `sums`. All are 0 for values outside (0,1).
 template <class Real>
 GS_HD Real isp_respond_backward(const IspResponse<Real>& r, Real value, Real dL_dout, Real* sums) {
     const Real x = isp_unit(value), y = isp_curve(r, value);
     if (!(y > Real(0))) return Real(0);
-    // With l = 1/inverse_length, y = centre shoulder/l u^toe, u = x/centre, on the toe's side, and 1 - y = rest toe/l
-    // w^shoulder, w = (1-x)/rest, on the shoulder's. In this form the sums are not divided by a centre or rest that may
+    // With l = 1/inverse_length: on the toe's side y = centre shoulder/l u^toe, u = x/centre; on the shoulder's side 1
+    // - y = rest toe/l w^shoulder, w = (1-x)/rest. In this form the sums are not divided by a centre or rest that may
     // be 0.
     const Real above = r.shoulder * r.inverse_length, below = r.toe * r.inverse_length;
     const Real skew = (r.shoulder - r.toe) * r.inverse_length;
@@ -260,14 +261,14 @@ GS_HD Real isp_respond_backward(const IspResponse<Real>& r, Real value, Real dL_
     return dL_dy * gs_min(below * r.shoulder * p / w, Real(kIspLargestSlope));
 }
 
-/// The values of one pixel between the steps.
+/// Intermediate values of one pixel.
 template <class Real> struct IspPixel {
     Vec3<Real> exposed;    ///< colour after exposure
     Vec3<Real> vignetted;  ///< colour after vignetting
     Vec3<Real> factor;     ///< vignetting before it is clamped to [0,1]
     Vec3<Real> mapped;     ///< mix times vignetted
     Real divisor, k;       ///< mapped is multiplied by k = intensity / divisor
-    bool divides;          ///< whether the divisor is the intensity of mapped, and not the least divisor
+    bool divides;          ///< whether the divisor is the intensity of mapped, and not the lower bound
     Vec3<Real> balanced;   ///< colour before the response
 };
 
@@ -291,8 +292,8 @@ GS_HD IspPixel<Real> isp_pixel(const IspFrame<Real>& frame, const IspCamera<Real
     return p;
 }
 
-/// Returns the corrected colour, in [0,1]. `rgb` is linear and unbounded above; values below 0 count as 0. `uv` comes
-/// from isp_uv.
+/// Returns the corrected colour, in [0,1]. `rgb` is linear and unbounded above; values below 0 count as 0. `uv` is the
+/// result of isp_uv.
 template <class Real>
 GS_HD Vec3<Real> isp_forward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb,
                              const Vec2<Real>& uv) {
@@ -301,7 +302,7 @@ GS_HD Vec3<Real> isp_forward(const IspFrame<Real>& frame, const IspCamera<Real>&
             isp_respond(camera.response[2], x.z)};
 }
 
-/// Returns dL/drgb, and adds the pixel's share to `sums`.
+/// Returns dL/drgb, and adds the pixel's contribution to `sums`.
 template <class Real>
 GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb,
                               const Vec2<Real>& uv, const Vec3<Real>& dL_dout, IspSums<Real>& sums) {
@@ -324,8 +325,8 @@ GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>
     }
     const Vec3<Real> dL_dvignetted =
         frame.mix.transposed_times(dL_dmapped) + Vec3<Real>{dL_dintensity, dL_dintensity, dL_dintensity};
-    // The bounds of the vignetting's factor belong to its inside: without vignetting it is 1 everywhere, and must be
-    // able to move.
+    // The bounds of the vignetting factor count as inside: without vignetting the factor is 1 everywhere, and must be
+    // able to change.
     Real* const vignetting = sums.v + kIspSumVignetting;
     const auto vignette = [&](int c, Real factor, Real exposed, Real dL_dv) {
         if (factor >= Real(0) && factor <= Real(1))
@@ -346,7 +347,7 @@ template <class Real>
 GS_HD void isp_finish(const Real* raw_frame, const Real* raw_camera, const IspSums<Real>& sums, Real* dL_dframe,
                       Real* dL_dcamera) {
     dL_dframe[0] = gs_abs(raw_frame[0]) <= Real(kLargestExposure) ? sums.v[kIspSumExposure] : Real(0);
-    // Mix is S H S^-1 if S maps (red, green, intensity) to (red, green, blue). The gradient of H is S^T dL/dmix
+    // Mix is S H S^-1, where S maps (red, green, intensity) to (red, green, blue). The gradient of H is S^T dL/dmix
     // S^-T.
     const Real* g = sums.v + kIspSumMix;
     Real dL_dhomography[9];
@@ -364,16 +365,16 @@ GS_HD void isp_finish(const Real* raw_frame, const Real* raw_camera, const IspSu
     }
 }
 
-// The regularisers that keep PPISP from explaining what the scene should explain (docs/math/ppisp.md#regularizers).
+// The regularisers that keep PPISP from modelling effects that belong to the scene (docs/math/ppisp.md#regularizers).
 //
-// All terms are part of every step's loss and touch every frame and camera. First the mean of each value over all
-// frames is taken. The gradient of each value then needs no other values.
+// All terms are part of every step's loss and affect every frame and camera. First the mean of each value over all
+// frames is computed. Then the gradient of each value needs no other values.
 
-// Exposures and colours are known up to a common factor, which the Gaussians take up, so their means are held at 0. The
-// pull is proportional below the bend and constant above it, so that it does not outweigh the images.
+// Exposures and colours are only determined up to a common factor, which the Gaussians absorb, so their means are held
+// at 0. The pull is proportional below the bend and constant above it, so that it does not outweigh the images.
 inline constexpr double kIspExposureMean = 1.0, kIspExposureBend = 0.1;
 inline constexpr double kIspColorMean = 1.0, kIspColorBend = 0.005;
-// A lens darkens towards the edge (alpha <= 0), around the middle of the image, for all colours alike. A camera's
+// A lens darkens towards the edge (alpha <= 0), around the middle of the image, equally for all colours. A camera's
 // response is nearly the same for all colours.
 inline constexpr double kIspVignetteCentre = 0.02, kIspVignettePositive = 0.01, kIspVignetteVariance = 0.1,
                         kIspResponseVariance = 0.1;
@@ -381,8 +382,8 @@ inline constexpr double kIspVignetteCentre = 0.02, kIspVignettePositive = 0.01, 
 /// Returns the slope of smooth L1, which is x^2 / (2 bend) near 0 and |x| - bend/2 beyond.
 template <class Real> GS_HD Real smooth_l1_slope(Real x, Real bend) { return gs_clamp(x / bend, Real(-1), Real(1)); }
 
-/// Computes the gradient of the terms on frames, which is the same for each frame, from the means of the raw values
-/// over all frames. Both have kIspFrameValues values.
+/// Computes the gradient of the frame terms, which is the same for each frame, from the means of the raw values over
+/// all frames. Both have kIspFrameValues values.
 template <class Real> GS_HD void isp_frame_regularizer(const Real* means, int num_frames, Real* gradient) {
     gradient[0] = Real(kIspExposureMean) * smooth_l1_slope(means[0], Real(kIspExposureBend)) / Real(num_frames);
     const Real weight = Real(kIspColorMean) / (Real(8) * Real(num_frames));
@@ -395,8 +396,7 @@ template <class Real> GS_HD void isp_frame_regularizer(const Real* means, int nu
     }
 }
 
-/// Returns the gradient of the terms on cameras for value `k` of one camera, whose raw values are `raw`
-/// (kIspCameraValues).
+/// Returns the gradient of the camera terms for value `k` of one camera with raw values `raw` (kIspCameraValues).
 template <class Real> GS_HD Real isp_camera_regularizer(const Real* raw, int num_cameras, int k) {
     const bool vignetting = k < 3 * kIspVignetting;
     const int first = vignetting ? 0 : 3 * kIspVignetting, width = vignetting ? kIspVignetting : kIspResponse,

@@ -10,13 +10,13 @@
 namespace gs {
 
 inline constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999;
-/// Adam's beta2 of the weights that all Gaussians share. Every view has a gradient for them, so they need less memory
-/// of past ones.
+/// Adam's beta2 for the shared weights. They get a gradient from every view, so they need less memory of past
+/// gradients.
 inline constexpr double kAdamBeta2Shared = 0.99;
-/// Adam's epsilon. It is far below any gradient that matters: the step is lr * m / sqrt(v) for all of them.
+/// Adam's epsilon. It is far below any relevant gradient: the step is lr * m / sqrt(v) for all of them.
 inline constexpr double kAdamEpsilon = 1e-15;
 
-/// The factors of step t, computed in double on the host. A step on several views counts as that many.
+/// The factors of step t, computed in double on the host. A step on several views counts as that many steps.
 template <class T> struct AdamStep {
     T step_size;          ///< lr / (1 - beta1^t)
     T inverse_sqrt_bias;  ///< 1 / sqrt(1 - beta2^t)
@@ -26,8 +26,8 @@ template <class T> struct AdamStep {
     }
 };
 
-/// The weights of a new gradient in the two moments, 1 - beta1 and 1 - beta2. After a step on several views they are
-/// those of as many steps.
+/// The weights of a new gradient in the two moments, 1 - beta1 and 1 - beta2. For a step on several views they are the
+/// weights of that many steps.
 template <class T> struct AdamGains {
     T first, second;
 
@@ -42,8 +42,8 @@ template <class T> GS_HD T second_moment_decay(T missed) {
     return gs_exp2(missed * T(-0.0014434168696687186));  // log2 0.999
 }
 
-/// The limit that gradients are clamped to. Squares of larger ones leave float's range, and an infinite second moment
-/// makes the next step NaN.
+/// Limit to which gradients are clamped. Squares of larger gradients exceed float's range, and an infinite second
+/// moment makes the next step NaN.
 inline constexpr double kLargestGradient = 1e18;
 
 /// Takes one step: updates p, m and v in place. The gradient must be finite.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The form of a model under training on the host, and its arrays as kernels take them. Backends upload and download it,
-// and files store it.
+// A model in training on the host, and its arrays in the form for kernels. Backends upload and download it, and files
+// store it.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace gs {
 
-/// The parameter groups of one Gaussian, in file order. Every densification operation treats them alike, as rows.
+/// The parameter groups of one Gaussian, in file order. Densification treats all of them alike, as rows.
 enum class Group : int { kMean, kScale, kRotation, kOpacity, kBase, kResidual };
 inline constexpr int kNumGroups = 6;
 inline constexpr std::array<const char*, kNumGroups> kGroupNames = {"means",         "raw_scales",  "rotations",
@@ -23,7 +23,7 @@ inline constexpr std::array<const char*, kNumGroups> kGroupNames = {"means",    
 template <class Real> struct GroupArrays {
     int width = 0;
     std::vector<Real> param;  ///< raw (pre-activation) values
-    std::vector<Real> m, v;   ///< Adam moments; empty when the optimizer state was dropped
+    std::vector<Real> m, v;   ///< Adam moments; empty if the optimizer state was dropped
 };
 
 /// All Gaussians of a model. The groups are means (N,3) in frame units; raw_scales (N,3), log; rotations (N,4), w,x,y,z
@@ -33,20 +33,20 @@ template <class Real> struct GaussianState {
     std::int64_t count = 0;
     AppearanceSpec appearance;
     int active_degree = 0;
-    std::int64_t step = 0;  ///< optimizer steps, skipped ones included; Adam's t
+    std::int64_t step = 0;  ///< optimizer steps, including skipped ones; Adam's t
     std::array<GroupArrays<Real>, kNumGroups> groups;
-    /// The weights that all Gaussians share, one row in the model's own layout; width 0 for a model without any.
+    /// Weights shared by all Gaussians, one row in the model's own layout; width 0 if the model has none.
     GroupArrays<Real> shared;
     /// The ADC statistic since the last densification, one value per Gaussian: the summed norm of the screen-space mean
-    /// gradient, and the number of views in which it was seen. Both are empty if nothing gathers them.
+    /// gradient, and the number of views that showed the Gaussian. Both are empty if they are not gathered.
     std::vector<Real> gradient_sum, gradient_count;
-    /// The step that each Gaussian took last, if only visible ones take steps; else empty. Whole numbers, which are
-    /// exact up to 2^24.
+    /// Last step of each Gaussian, if only visible Gaussians take steps; else empty. Integers, which are exact up to
+    /// 2^24.
     std::vector<Real> last_step;
     PpispState ppisp;  ///< photometric differences between the training images; inactive if a scene needs none
 
-    /// Returns K, the number of Gaussians with a residual: the first ones. The arrays of that group have only their
-    /// rows. 0 for a model without residuals.
+    /// Returns K, the number of Gaussians with a residual, which are the first ones. The residual group only has rows
+    /// for these. 0 for a model without residuals.
     std::int64_t num_residuals() const {
         const auto& residuals = (*this)[Group::kResidual];
         return residuals.width > 0 ? std::int64_t(residuals.param.size()) / residuals.width : 0;
@@ -67,13 +67,13 @@ struct RowCounts {
     std::int64_t count = 0, num_residuals = 0;  ///< all Gaussians, and those with a residual, stored first
 };
 
-/// The pointers to the rows of all groups.
+/// Pointers to the rows of all groups.
 struct ModelArrays {
     float *param[kNumGroups], *m[kNumGroups], *v[kNumGroups];
     int width[kNumGroups];
     float *gradient_sum, *gradient_count;       ///< ADC statistic, or null
-    float* last_step;                           ///< as in GaussianState, or null if all take each step
-    float *shared_param, *shared_m, *shared_v;  ///< weights that all Gaussians share, or null
+    float* last_step;                           ///< as in GaussianState, or null if all Gaussians take each step
+    float *shared_param, *shared_m, *shared_v;  ///< weights shared by all Gaussians, or null
 };
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The parameters that correct nothing.
+// Creates a neutral PPISP state, and controllers with random weights.
 #include "kernels/state/ppisp_state.h"
 
 #include <cmath>

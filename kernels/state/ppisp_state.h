@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photometric model of a run, as the host holds it (docs/math/ppisp.md#pipeline, #controller).
+// The photometric model of a run, in host memory (docs/math/ppisp.md#pipeline, #controller).
 #pragma once
 
 #include <cstdint>
@@ -7,9 +7,9 @@
 
 namespace gs {
 
-/// The number of values of one frame: exposure in stops, then colour latents (blue, red, green, neutral) x 2.
+/// Number of values per frame: exposure in stops, then colour latents (blue, red, green, neutral) x 2.
 inline constexpr int kIspFrameValues = 9;
-/// The number of values of one camera: 3 channels x vignetting (cx, cy, alpha0, alpha1, alpha2), then 3 channels x raw
+/// Number of values per camera: 3 channels x vignetting (cx, cy, alpha0, alpha1, alpha2), then 3 channels x raw
 /// response (toe, shoulder, gamma, centre).
 inline constexpr int kIspVignetting = 5, kIspResponse = 4, kIspCameraValues = 3 * (kIspVignetting + kIspResponse);
 
@@ -27,10 +27,10 @@ inline constexpr int kControllerWeights = layer_weights(3, 16) + layer_weights(1
                                           layer_weights(kControllerHidden, kIspFrameValues);
 static_assert(kControllerWeights == 241961);
 
-/// Everything that PPISP learns. Frames are the training images by index; num_cameras = 0 means no PPISP.
+/// All trainable values of PPISP. Frames are the training images by index; num_cameras = 0 means no PPISP.
 struct PpispState {
     int num_frames = 0, num_cameras = 0;
-    std::int64_t step = 0;  ///< optimizer steps of the parameters, which also set their rate
+    std::int64_t step = 0;  ///< optimizer steps of the parameters, which also determine their rate
     /// The parameters and their moments: frames x kIspFrameValues, then cameras x kIspCameraValues. Empty moments are
     /// 0.
     std::vector<float> param, m, v;
@@ -45,7 +45,7 @@ struct PpispState {
     std::size_t size() const { return camera_offset(num_cameras); }
 };
 
-/// Returns a PPISP that changes nothing: exposure 0, neutral colours, no vignetting, straight response.
+/// Returns a neutral PPISP: exposure 0, neutral colours, no vignetting, straight response.
 PpispState identity_ppisp(int num_frames, int num_cameras);
 
 /// Adds a controller with random weights, uniform within 1/sqrt(inputs), to every camera.

@@ -2,11 +2,11 @@
 // Convolution as a matrix product: weights (out, depth) times columns (depth, pixels), depth = in * kernel * kernel.
 // The columns hold the input under the window and are only ever written to shared memory.
 //
-// A block makes 64 channels of 128 pixels. Its 128 threads each keep 8x8 sums in registers, so that 16 values read from
-// shared memory serve 64 FMAs. While one slice of the depth is multiplied, the next is loaded from memory to registers.
-// All is single precision, so the FMA rate sets the least time. VGG16 up to relu5_3 is 130 G FMAs for 800x532 pixels, 4
-// ms at 32 T FMA/s. Last layers of small images have fewer blocks than a large GPU has multiprocessors, and take
-// longer.
+// A block computes 64 channels of 128 pixels. Its 128 threads each keep 8x8 sums in registers, so that 16 values read
+// from shared memory serve 64 FMAs. While one slice of the depth is multiplied, the next is loaded from memory to
+// registers. All arithmetic is single precision, so the FMA rate determines the minimum time. VGG16 up to relu5_3 takes
+// 130 G FMAs for 800x532 pixels, 4 ms at 32 T FMA/s. The last layers of small images have fewer blocks than a large GPU
+// has multiprocessors, and take longer.
 #include "kernels/base/portable.h"
 #include "kernels/cuda/cuda.h"
 #include "kernels/tensors/convolution_cuda.h"
@@ -15,11 +15,11 @@ namespace gs {
 namespace {
 
 constexpr int kOutTile = 64, kPixelTile = 128, kSlice = 8, kThreads = 128;
-/// Threads lie on the tile as 8 x 16. Each has two runs of four channels and two runs of four pixels, half a tile
-/// apart, so that float4 reads have no bank conflicts.
+/// Thread layout on the tile: 8 x 16. Each thread has two runs of four channels and two runs of four pixels, half a
+/// tile apart, so that float4 reads have no bank conflicts.
 constexpr int kRun = 4, kSums = 2 * kRun, kThreadColumns = kPixelTile / kSums;
 constexpr int kWeightsPerThread = kOutTile * kSlice / kThreads;
-/// The padding that keeps stores of the transposed weights in different banks, and rows on 16 bytes.
+/// Padding that puts stores of the transposed weights into different banks, and keeps rows aligned to 16 bytes.
 constexpr int kPadding = 4;
 
 struct ConvolutionArgs {
@@ -122,7 +122,7 @@ __global__ void __launch_bounds__(kThreads) convolution(ConvolutionArgs a) {
         }
         if (!more) break;
         current ^= 1;
-        fetch.store(slices[current]);  // its readers are done, since they passed the barrier of the slice before
+        fetch.store(slices[current]);  // its readers are done: they passed the barrier of the previous slice
         __syncthreads();
     }
 #pragma unroll

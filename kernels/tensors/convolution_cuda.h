@@ -6,8 +6,8 @@
 
 namespace gs {
 
-/// Applies the layer to `in`, then max(0, .) if `relu`, and writes `out`. It works on the default stream. All tensors
-/// are on the device, and the caller has checked their sizes.
+/// Applies the layer to `in`, then max(0, .) if `relu`, and writes `out`. Works on the default stream. All tensors must
+/// be on the device, and the caller must have checked their sizes.
 void launch_convolution(const Tensor& in, const ConvLayer& layer, bool relu, const Tensor& out);
 
 }  // namespace gs

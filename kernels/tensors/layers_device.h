@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Single values of pooling and upsampling, for host and device.
+// Computes single values of pooling and upsampling, for host and device.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// Returns the largest value of a window. `window` points to its first value, in rows of `width`.
+/// Returns the maximum of a window. `window` points to its first value, in rows of `width`.
 GS_HD float max_of_window(const float* window, int width, int size) {
     float largest = *window;
     for (int ky = 0; ky < size; ++ky)
@@ -45,7 +45,7 @@ GS_HD float aligned_sample(const float* plane, int height, int width, int y, int
     return (1 - ty) * ((1 - tx) * above[x0] + tx * above[x1]) + ty * ((1 - tx) * below[x0] + tx * below[x1]);
 }
 
-/// The value added to a pixel's length before it is a divisor. It keeps pixels that are zero in all channels at zero.
+/// Value added to a pixel's length before division. It keeps pixels that are zero in all channels at zero.
 constexpr double kDirectionEpsilon = 1e-10;
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks of shapes, each with an error that names the operation.
+// Checks shapes. Each error names the operation.
 #include "kernels/tensors/tensor_checks.h"
 
 #include <string>

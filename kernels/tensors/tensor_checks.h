@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The checks of arguments that all engines share, and the shapes of their results.
+// Argument checks common to all engines, and the shapes of their results.
 #pragma once
 
 #include "kernels/tensors/tensor_engine.h"
@@ -9,11 +9,11 @@ namespace gs {
 /// Returns a tensor without values, with one pixel for each window in `in`. Throws UsageError if no window fits.
 Tensor shape_of_windows(const Tensor& in, int channels, int kernel, int stride, int padding);
 
-/// Returns the shape of a layer's result. Throws UsageError if no window fits, or its channels, weights or biases do
-/// not fit.
+/// Returns the shape of a layer's result. Throws UsageError if no window fits, or if channels, weights or biases do not
+/// match.
 Tensor shape_of_convolution(const Tensor& in, const ConvLayer& layer);
 
-/// Returns the shape of the stacked parts. Throws UsageError for parts of different sizes.
+/// Returns the shape of the stacked parts. Throws UsageError if their sizes differ.
 Tensor shape_of_stack(std::initializer_list<Tensor> parts);
 
 /// Throws UsageError unless the tensor has this shape.

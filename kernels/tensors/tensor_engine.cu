@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The engine on the device. Each value has a thread; sums are in double, and the host adds up their parts in order. The
-// default stream orders all work. Memory comes from the driver's pool, so that layers need not wait for each other's
-// buffers.
+// The engine on the device. Each value is computed by one thread; sums are in double, and the host adds up their parts
+// in order. The default stream orders all work. Memory comes from the driver's pool, so that layers need not wait for
+// each other's buffers.
 #include <algorithm>
 
 #include "kernels/cuda/cuda.h"
@@ -78,7 +78,7 @@ __device__ double block_sum(double x) {
     return sum;
 }
 
-/// Sums the distances of the pixels, with a thread for each. The blocks' sums go to `parts`.
+/// Sums the distances of the pixels, with one thread per pixel. Writes the blocks' sums to `parts`.
 __global__ void __launch_bounds__(kBlock) direction_distances(const float* a, const float* b, const float* weights,
                                                               int channels, std::size_t pixels, double* parts) {
     const std::size_t p = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
@@ -91,8 +91,8 @@ __global__ void __launch_bounds__(kBlock) direction_distances(const float* a, co
         }
         norm_a = 1 / (sqrt(norm_a) + kDirectionEpsilon), norm_b = 1 / (sqrt(norm_b) + kDirectionEpsilon);
         for (int c = 0; c < channels; ++c) {
-            // Both products are rounded. Fused into the subtraction, only one would be, and identical images would
-            // differ.
+            // Both products are rounded. If they were fused into the subtraction, only one would be, and identical
+            // images would differ.
             const double difference = __dmul_rn(a[c * pixels + p], norm_a) - __dmul_rn(b[c * pixels + p], norm_b);
             sum += double(weights[c]) * difference * difference;
         }
@@ -101,7 +101,7 @@ __global__ void __launch_bounds__(kBlock) direction_distances(const float* a, co
     if (threadIdx.x == 0) parts[blockIdx.x] = sum;
 }
 
-/// Compares the channels, with a block for each.
+/// Compares the channels, with one block per channel.
 __global__ void __launch_bounds__(kBlock)
     compare_planes(const float* a, const float* b, std::size_t pixels, ChannelComparison* out) {
     a += blockIdx.x * pixels, b += blockIdx.x * pixels;
@@ -135,7 +135,7 @@ template <class T> std::vector<T> downloaded(const std::shared_ptr<T[]>& values,
     return host;
 }
 
-/// Returns the sum of the `parts` that launch(blocks, parts) writes; there is a block for each kBlock of n.
+/// Returns the sum of the `parts` that launch(blocks, parts) writes; there is one block for each kBlock of n.
 template <class Launch> double sum_of_parts(std::size_t n, Launch launch) {
     const unsigned blocks = num_blocks(std::int64_t(n), kBlock);
     const auto parts = allocate<double>(blocks);
@@ -148,7 +148,7 @@ template <class Launch> double sum_of_parts(std::size_t n, Launch launch) {
 class CudaTensorEngine : public TensorEngine {
   public:
     CudaTensorEngine() {
-        // Freed memory stays with the process, because the next image needs the same again.
+        // Freed memory stays with the process, because the next image needs as much again.
         int device = 0;
         cudaMemPool_t pool;
         std::uint64_t keep = ~std::uint64_t(0);

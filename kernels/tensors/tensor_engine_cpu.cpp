@@ -2,7 +2,7 @@
 // The engine on the CPU. Convolutions gather columns of input for blocks of pixels and multiply them with Eigen. Sums
 // have a fixed order.
 //
-// GCC 12 takes the deliberately undefined operands in its AVX-512 header for mistakes (GCC bug 105593).
+// GCC 12 warns about the deliberately undefined operands in its AVX-512 header (GCC bug 105593).
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #include <Eigen/Core>
@@ -99,12 +99,13 @@ class CpuTensorEngine : public TensorEngine {
         return {tensor.values.get(), tensor.values.get() + tensor.size()};
     }
 
-    /// Takes 2 MiB to 8 MiB a thread besides input and output.
+    /// Takes 2 MiB to 8 MiB per thread in addition to input and output.
     Tensor convolve(const Tensor& in, const ConvLayer& layer, bool relu) const override {
         const Tensor out = allocated(shape_of_convolution(in, layer));
         const auto pixels = std::int64_t(out.pixels());
         const std::int64_t depth = std::int64_t(layer.in) * layer.kernel * layer.kernel;
-        // The columns fit near the cache. They are enough that repacking the weights for each block costs little.
+        // The columns about fit into the cache. There are enough of them that repacking the weights for each block
+        // costs little.
         const std::int64_t block = std::clamp<std::int64_t>((std::int64_t(1) << 19) / depth, 256, 4096);
         const Eigen::Map<const Matrix> weights(layer.weights.values.get(), layer.out, depth);
         const Eigen::Map<const Eigen::VectorXf> bias(layer.bias.values.get(), layer.out);
@@ -172,8 +173,8 @@ class CpuTensorEngine : public TensorEngine {
             for (std::int64_t i = 0; i < count; ++i)
                 norm_a[i] = 1 / (std::sqrt(norm_a[i]) + kDirectionEpsilon),
                 norm_b[i] = 1 / (std::sqrt(norm_b[i]) + kDirectionEpsilon);
-            // Scaling has a pass of its own. Fused into the subtraction, one product would be rounded and the other
-            // not, and identical images would differ.
+            // Scaling is a separate pass. If it were fused into the subtraction, one product would be rounded and the
+            // other not, and identical images would differ.
             std::vector<double> unit_a(norm_a.size()), unit_b(norm_b.size());
             for (int c = 0; c < a.channels; ++c) {
                 const float *va = plane(a, c) + begin, *vb = plane(b, c) + begin;
