@@ -214,7 +214,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         instances[k] = at < num_instances ? bins.instances[at] : 0;
     }
     const PixelToPass of_lane(pixel_of(corner, lane), image, dL_dimage);
-    // Beyond the end of its pixels, a sub-tile has neither lists nor states.
+    // Once all of its pixels are finished, a sub-tile has neither lists nor states.
     const int count = min(int(processed) - int(chunk.first), kChunk);
     if (count <= 0) return;
     if (lane * 32 >= count) word_of_lane = 0;

@@ -131,7 +131,7 @@ void CudaEngine::order_by_rows(const SplatParts& splats, const RowParts& rows, c
     SplatsOfRank* on_device = wire_.parts.reserve(parts.size());
     device_stream_.copy(on_device, parts.data(), parts.size() * sizeof(SplatsOfRank));
     merge_splats(parts, on_device, out.resize(num_splats(splats)), stream_);
-    device_stream_.wait();  // `parts` and `rows` are destroyed here
+    device_stream_.wait();  // `parts` and `rows` may end with this call
 }
 
 // --- views, of splats from all ranks --------------------------------------------------------------------------------

@@ -44,7 +44,7 @@ template <class Model> struct RowMemory {
     /// in half precision; other passes do not contain that code.
     template <bool kForward> __device__ void begin(const PreprocessArgs& a, std::int64_t first, unsigned mask) {
         const int width = a.params.residual_width;
-        if (kForward && a.half_residuals)  // of an up-to-date model
+        if (kForward && a.half_residuals)  // the model is up to date
             load_rows(mask, width, list, a.half_residuals + first * width, rows);
         else
             begin_rows(mask, width, list, a.params.residual(first), rows);

@@ -298,8 +298,8 @@ __global__ void __launch_bounds__(kThreads, 4)
     }
 }
 
-/// Computes half the squared error with one thread per pixel of a row and channel. Without an image it only writes the
-/// weights. `error` may be null.
+/// Writes the gradient of half the squared error, and adds that error to *error unless `error` is null. One thread
+/// computes one pixel of a row and channel. Without an image it writes the weights alone.
 template <class Storage>
 __global__ void __launch_bounds__(kThreads)
     half_squared_error_of_pixels(LossArgs a, float* __restrict__ out, double* error) {

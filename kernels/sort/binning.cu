@@ -87,7 +87,7 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
     sum_before = __reduce_add_sync(~0u, sum_before);
     if (lane == 0 && sum_before > 0) atomicAdd(&before, sum_before);
 
-    const auto is_small = [&](int u) { return span[u].width() > 0; };  // true for empty spans, too
+    const auto is_small = [&](int u) { return span[u].width() > 0; };  // false past the last Gaussian, too
     std::uint32_t of_warp = 0;
 #pragma unroll
     for (int u = 0; u < kWriteItems; ++u) {

@@ -57,8 +57,8 @@ __device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const 
         visible ? min(depth_key(depth), kDepthKeyEnd) | min(tiles.count, kManyTiles) << kDepthKeyBits : 0;
 }
 
-/// Sets the counters of a view's stages to 0, in the first kernel of the view besides its work: a separate kernel would
-/// take 2 us. Blocks must have at least kControlWords threads.
+/// Sets the counters of a view's stages to 0, in the first kernel of the view along with its work: a separate kernel
+/// would take 2 us. Blocks must have at least kControlWords threads.
 __device__ inline void begin_view(const CudaBinningInput& out, StepControl* control) {
     const std::size_t thread = std::size_t(blockIdx.x) * blockDim.x + threadIdx.x;
     if (thread < kControlWords) reinterpret_cast<unsigned*>(control)[thread] = 0;

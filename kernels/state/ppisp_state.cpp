@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Creates a neutral PPISP state, and controllers with random weights.
+// Creates a neutral PPISP state.
 #include "kernels/state/ppisp_state.h"
 
 #include <cmath>
