@@ -60,7 +60,7 @@ inline constexpr std::int64_t kFewestTrialIterations = 500;
 
 /// The inputs of the choice and of its description.
 struct AppearanceMeasurements {
-    /// If set, only num_views, one_sided, plain_model, trial_iterations and seconds are known
+    /// If set, only num_views, one_sided, plain_model, trial_iterations and seconds are certain to be known.
     std::optional<Obstacle> obstacle = {};
     std::size_t num_views = 0, num_held_out = 0;  ///< training views, and the number of these held out
     bool one_sided = false;                       ///< whether all training cameras look in nearly the same direction
@@ -81,8 +81,8 @@ struct AppearanceDecision {
     std::optional<AppearanceChoice> choice = {};  ///< choice among the trials; empty if no model was tried
 };
 
-/// Chooses among the trials as choose_appearance does; returns the plain model if trials were unnecessary or
-/// impossible.
+/// Chooses among the trials as choose_appearance does. Without trials returns the plain model; if the obstacle is
+/// kShort or kLate, returns sv (sh if one_sided) instead.
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance);
 
 /// The report of `--appearance auto` on its choice, for readers and for programs.

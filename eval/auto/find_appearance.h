@@ -29,7 +29,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
 
 /// Whether a scene benefits from a model with residuals.
 struct DirectionTest {
-    /// whether direction explains less than options.auto_tolerance of the error of a model without residuals
+    /// Whether direction explains less than options.auto_tolerance, dB, of the error of a model without residuals.
     bool explains_nothing = false;
     std::string obstacle;  ///< reason for a missing measurement; empty if measured
 };

@@ -32,8 +32,7 @@ struct PrecisionRow {
     double frame_seconds = 0, iteration_seconds = 0;
     std::optional<double> model_bytes = {};    ///< parameters and moments per Gaussian in GPU memory
     double mean_error = 0, largest_error = 0;  ///< errors of channels clamped to [0,1], in units of 1/255
-    /// dB, of frames against frames in double; infinite if all are equal
-    double psnr = 0;
+    double psnr = 0;                           ///< dB, against frames in double; infinite if all are equal
 };
 
 /// Measures `model` on the scene at every level that the device of `options` supports, one level after another. Frames

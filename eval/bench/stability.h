@@ -27,11 +27,10 @@ namespace gs {
 struct StabilityRow {
     std::string model, kind;
     std::int64_t cases = 0;
-    double forward_error = 0, backward_error = 0;  ///< largest relative error of the float evaluation
-    double ulp = 0;                                ///< largest error of the float evaluation in ULP
-    double double_error = 0;                       ///< largest error of the double evaluation in the scale of the ULP
-    /// number of float values, and the number of these that are not finite
-    std::int64_t num_values = 0, num_nonfinite = 0;
+    double forward_error = 0, backward_error = 0;    ///< largest relative error of the float evaluation
+    double ulp = 0;                                  ///< largest error of the float evaluation in ULP
+    double double_error = 0;                         ///< largest error of the double evaluation in the scale of the ULP
+    std::int64_t num_values = 0, num_nonfinite = 0;  ///< float values, and how many are not finite
     /// Number of gradients with the wrong sign in float although the reference is larger than rounding can explain.
     /// Zero has no sign.
     std::int64_t num_sign_flips = 0;

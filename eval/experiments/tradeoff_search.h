@@ -19,11 +19,11 @@ class TimePlan {
     /// Adds a training that has ended. `wall_seconds`: time including loading and scoring; empty if not measured.
     void add(const TrainOptions& options, double train_seconds, std::optional<double> wall_seconds);
 
-    /// Returns the expected time from start to scores, s: the time limit if the options have one, else the time of the
-    /// ended run nearest in iterations and --cap-max (if two are equally near, the one with the same appearance), with
-    /// its training time scaled in proportion to iterations and --cap-max. This overestimates larger runs, whose
-    /// iterations do not all have the full number of Gaussians, and so errs on the safe side. Empty if no run has ended
-    /// yet.
+    /// Returns the expected time from start to scores, s: the largest overhead so far plus the training time. The
+    /// training time is the time limit if the options have one, else that of the ended run nearest in iterations and
+    /// --cap-max (if two are equally near, the one with the same appearance), scaled in proportion to iterations and
+    /// --cap-max. This overestimates larger runs, whose iterations do not all have the full number of Gaussians, and so
+    /// errs on the safe side. Only runs that end by their iterations count. Empty without a time limit and such a run.
     std::optional<double> seconds(const TrainOptions& options) const;
 
     /// Returns whether the training is expected to end in that time; true if there is no measurement yet.

@@ -48,8 +48,7 @@ struct ColumnStats {
     std::optional<double> deviation;  ///< sample standard deviation (n - 1); empty for one run and for infinite values
     double worst = 0;                 ///< worst value; the mean in a column without direction
     std::size_t worst_run = 0;        ///< number of the worst run, from 0
-    /// 1, 2, 3 in its table; 0 = none. Values that are equal after rounding share a place
-    int place = 0;
+    int place = 0;                    ///< 1, 2, 3 in its table; 0 = none. Values equal after rounding share it
 };
 
 /// Runs that differ only by their seed.

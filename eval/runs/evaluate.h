@@ -18,7 +18,7 @@ namespace gs {
 /// Photometric corrections of a view.
 enum class CorrectionMode {
     kOff,  ///< no correction: a model without PPISP
-    /// exposure and colour predicted from the view's own render (and from EXIF, if the model was trained with it)
+    /// Exposure and colour predicted from the view's own render (and from EXIF, if the model was trained with it)
     kController,
     kNone,           ///< neutral exposure and colour; vignetting and response of the camera
     kColourAligned,  ///< kNone, then the affine colour map that fits the photograph best; uses the test image

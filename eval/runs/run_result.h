@@ -34,37 +34,36 @@ struct RunResult {
     std::string run;               ///< name of the run: its folder's name
     std::int64_t iteration = 0;
 
-    double psnr = 0, ssim = 0;  ///< means over the test views; psnr in dB, may be infinite
-    /// means of other metrics by MetricInfo::key, or the reason for a missing mean
-    std::map<std::string, MetricScore> scores;
-    std::optional<double> residual_mean;  ///< mean over the views; set if decomposed
-    std::vector<ViewScore> views;         ///< scores of the views; not read from files
-    nlohmann::ordered_json protocol;      ///< how the scores were computed: `protocol` of results.json
+    double psnr = 0, ssim = 0;                  ///< means over the test views; psnr in dB, may be infinite
+    std::map<std::string, MetricScore> scores;  ///< means of other metrics by MetricInfo::key, or reasons why missing
+    std::optional<double> residual_mean;        ///< mean over the views; set if decomposed
+    std::vector<ViewScore> views;               ///< scores of the views; not read from files
+    nlohmann::ordered_json protocol;            ///< how the scores were computed: `protocol` of results.json
 
     std::optional<double> train_seconds;       ///< training time, summed over all parts of the run
     std::optional<double> controller_seconds;  ///< training time of the controllers, not included in train_seconds
-    /// mean time of a frame at the views' size, without the copy to the host
-    std::optional<double> frame_seconds;
-    std::optional<double> render_seconds;           ///< rendering time summed over the views, with the copy to the host
-    std::optional<FrameTimes> frame_times;          ///< result of `gsapp bench frames`
+    std::optional<double> frame_seconds;       ///< mean frame time at the views' size, without the copy to the host
+    std::optional<double> render_seconds;      ///< rendering time summed over the views, with the copy to the host
+    std::optional<FrameTimes> frame_times;     ///< result of `gsapp bench frames`
     std::optional<std::int64_t> peak_device_bytes;  ///< peak GPU memory held during training
 
     std::optional<std::string> photometric;    ///< photometric decision of --ppisp auto
     nlohmann::ordered_json appearance_choice;  ///< auto.json of the run; null if the model was named
     nlohmann::ordered_json plan;               ///< plan of a run with constraints; null without constraints
 
-    /// name of the dataset, over whose scenes results are averaged
-    std::string dataset;
-    std::string scene;                                   ///< name of the scene
-    std::string model;                                   ///< appearance model, e.g. "sh (degree 3)"
-    std::string strategy;                                ///< densification strategy
-    nlohmann::ordered_json frame;                        ///< frame_json of the frame that the model was trained in
-    std::optional<std::int64_t> num_gaussians;           ///< number of Gaussians
-    std::optional<double> residual_share;                ///< share of Gaussians with a residual; empty if all have one
-    std::optional<std::int64_t> bytes_per_gaussian;      ///< mean size of base and residual parameters, as trained
-    std::optional<std::int64_t> ply_bytes_per_gaussian;  ///< size of a Gaussian with its residual in point_cloud.ply
-    std::optional<std::int64_t> web_bytes_per_gaussian;  ///< mean size of a Gaussian with its residual in scene.ngsplat
-    std::optional<std::int64_t> bytes;                   ///< size of the model's file, if jobs are compared by size
+    std::string dataset;                             ///< name of the dataset; results are averaged over its scenes
+    std::string scene;                               ///< name of the scene
+    std::string model;                               ///< appearance model, e.g. "sh (degree 3)"
+    std::string strategy;                            ///< densification strategy
+    nlohmann::ordered_json frame;                    ///< frame_json of the frame that the model was trained in
+    std::optional<std::int64_t> num_gaussians;       ///< number of Gaussians
+    std::optional<double> residual_share;            ///< share of Gaussians with a residual; empty if all have one
+    std::optional<std::int64_t> bytes_per_gaussian;  ///< mean size of base and residual parameters, as trained
+    std::optional<std::int64_t>
+        ply_bytes_per_gaussian;  ///< size of a Gaussian with all its parameters in point_cloud.ply
+    std::optional<std::int64_t>
+        web_bytes_per_gaussian;         ///< mean size of a Gaussian with all its parameters in scene.ngsplat
+    std::optional<std::int64_t> bytes;  ///< size of the model's file, if jobs are compared by size
 
     std::uint64_t seed = 0;                       ///< seed in config.yaml
     std::map<std::string, std::string> training;  ///< training_options of config.yaml; empty without that file

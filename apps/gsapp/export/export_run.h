@@ -48,12 +48,10 @@ struct ExportRequest {
 struct SiteOptions {
     std::filesystem::path second_run = {};  ///< another run of the scene, to compare with; empty: none
     bool levels = false;                    ///< also write coarser levels of the (first) run
-    /// maximum number of test views whose photographs are written, evenly spaced
-    int photographs = 0;
-    std::string title = {};  ///< title of the page; empty: the scene's name
-    /// view that the page starts with (find_start_view); empty: the page's own choice
-    std::string start_view = {};
-    std::string url = {};  ///< address of the page's folder, for link previews; empty: unknown
+    int photographs = 0;                    ///< maximum number of test views with photographs, evenly spaced
+    std::string title = {};                 ///< title of the page; empty: the scene's name
+    std::string start_view = {};            ///< first view of the page (find_start_view); empty: its own choice
+    std::string url = {};                   ///< address of the page's folder, for link previews; empty: unknown
 };
 
 /// A model that was written.
