@@ -66,7 +66,7 @@ std::array<Sphere, kNumSpheres> spheres(std::uint64_t seed) {
     std::array<Sphere, kNumSpheres> out;
     for (int k = 0; k < kNumSpheres; ++k) {
         const auto u =
-            // indices beyond those of the Gaussians
+            // The indices lie beyond those of the Gaussians.
             Draw(seed, (std::uint64_t(1) << 40) + std::uint64_t(k)).uniforms();
         out[std::size_t(k)] = {0.7 * std::cbrt(u[2]) * direction(u[0], u[1]), 0.1 + 0.2 * u[3]};
     }

@@ -124,7 +124,7 @@ void spread(const std::vector<TradeoffAxis>& axes, std::vector<Configuration>& l
     };
     std::iter_swap(list.begin(), std::min_element(list.begin(), list.end(),
                                                   [&](const auto& a, const auto& b) { return work(a) < work(b); }));
-    // distances to the nearest earlier one
+    // Distances to the nearest earlier configuration.
     std::vector<double> nearest(list.size(), std::numeric_limits<double>::infinity());
     for (std::size_t k = 1; k < list.size(); ++k) {
         for (std::size_t i = k; i < list.size(); ++i) {

@@ -23,7 +23,8 @@ class TimePlan {
     /// training time is the time limit if the options have one, else that of the ended run nearest in iterations and
     /// --cap-max (if two are equally near, the one with the same appearance), scaled in proportion to iterations and
     /// --cap-max. This overestimates larger runs, whose iterations do not all have the full number of Gaussians, and so
-    /// errs on the safe side. Only runs that end by their iterations count. Empty without a time limit and such a run.
+    /// errs on the safe side. Only runs that end by their iterations count. Empty if there is no such run
+    /// and no time limit.
     std::optional<double> seconds(const TrainOptions& options) const;
 
     /// Returns whether the training is expected to end in that time; true if there is no measurement yet.

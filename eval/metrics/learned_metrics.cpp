@@ -17,7 +17,7 @@ constexpr std::array<double, 3> kShift = {-0.030, -0.088, -0.188}, kScale = {0.4
 
 Tensor net_input(const TensorEngine& engine, const Image& image, LpipsRange range) {
     if (range == LpipsRange::kUnit) return normalized_input(engine, image, kShift, kScale);
-    // shift and scale apply to 2 v - 1
+    // Shift and scale apply to 2 v - 1.
     std::array<double, 3> offset{}, scale{};
     for (std::size_t c = 0; c < 3; ++c) offset[c] = (1 + kShift[c]) / 2, scale[c] = kScale[c] / 2;
     return normalized_input(engine, image, offset, scale);
@@ -131,7 +131,7 @@ Milo::Milo(std::shared_ptr<const TensorEngine> engine, const std::filesystem::pa
 
 double Milo::operator()(const Image& render, const Image& truth) const {
     require_net_size(render, truth, kMinSide);
-    // finest scale first
+    // The finest scale comes first.
     std::vector<Tensor> truths = {normalized_input(*engine_, truth, {0, 0, 0}, {1, 1, 1})},
                         renders = {normalized_input(*engine_, render, {0, 0, 0}, {1, 1, 1})};
     for (int i = 0; i < kHalvings; ++i) {

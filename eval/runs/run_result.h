@@ -51,19 +51,17 @@ struct RunResult {
     nlohmann::ordered_json appearance_choice;  ///< auto.json of the run; null if the model was named
     nlohmann::ordered_json plan;               ///< plan of a run with constraints; null without constraints
 
-    std::string dataset;                             ///< name of the dataset; results are averaged over its scenes
-    std::string scene;                               ///< name of the scene
-    std::string model;                               ///< appearance model, e.g. "sh (degree 3)"
-    std::string strategy;                            ///< densification strategy
-    nlohmann::ordered_json frame;                    ///< frame_json of the frame that the model was trained in
-    std::optional<std::int64_t> num_gaussians;       ///< number of Gaussians
-    std::optional<double> residual_share;            ///< share of Gaussians with a residual; empty if all have one
-    std::optional<std::int64_t> bytes_per_gaussian;  ///< mean size of base and residual parameters, as trained
-    std::optional<std::int64_t>
-        ply_bytes_per_gaussian;  ///< size of a Gaussian with all its parameters in point_cloud.ply
-    std::optional<std::int64_t>
-        web_bytes_per_gaussian;         ///< mean size of a Gaussian with all its parameters in scene.ngsplat
-    std::optional<std::int64_t> bytes;  ///< size of the model's file, if jobs are compared by size
+    std::string dataset;                                 ///< name of the dataset; results are averaged over its scenes
+    std::string scene;                                   ///< name of the scene
+    std::string model;                                   ///< appearance model, e.g. "sh (degree 3)"
+    std::string strategy;                                ///< densification strategy
+    nlohmann::ordered_json frame;                        ///< frame_json of the frame that the model was trained in
+    std::optional<std::int64_t> num_gaussians;           ///< number of Gaussians
+    std::optional<double> residual_share;                ///< share of Gaussians with a residual; empty if all have one
+    std::optional<std::int64_t> bytes_per_gaussian;      ///< mean size of base and residual parameters, as trained
+    std::optional<std::int64_t> ply_bytes_per_gaussian;  ///< size of a Gaussian in point_cloud.ply, all parameters
+    std::optional<std::int64_t> web_bytes_per_gaussian;  ///< mean size of a Gaussian in scene.ngsplat, all parameters
+    std::optional<std::int64_t> bytes;                   ///< size of the model's file, if jobs are compared by size
 
     std::uint64_t seed = 0;                       ///< seed in config.yaml
     std::map<std::string, std::string> training;  ///< training_options of config.yaml; empty without that file

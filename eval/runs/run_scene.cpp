@@ -94,7 +94,7 @@ std::string difference_of_cameras(const Camera& own, const Camera& now, double e
 
 void require_scene_exists(const fs::path& run_folder, const TrainOptions& options) {
     if (scene_exists(options.source) || !path_exists(RunFolder{run_folder}.config())) return;
-    // source given by the user: load_scene reports the error
+    // The user gave this source: load_scene reports the error.
     if (load_run_options(run_folder).source != options.source) return;
     throw DataError(
         fmt::format("'{}': its scene '{}' is not there any more, and not at the same place relative to the run either; "

@@ -155,7 +155,7 @@ PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& fo
                      .scene_name = name_of(run),
                      .start = {},
                      .preview = {}};
-    // first, because --start-view may be refused
+    // Comes first, because --start-view may be refused.
     if (begins) add_start(packed, run, models[0].gaussians, site.start_view);
     std::optional<PackedPpisp> correction;
     if (all.ppisp.active()) correction = packed_correction(run, packed.views);
