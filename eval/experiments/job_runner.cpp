@@ -164,7 +164,7 @@ class JobRunner {
     }
 
     /// Updates which pending jobs other processes work on, and which of these have finished. A live process that saw a
-    /// job fail before this process started renews its note, so that the failure is accepted here, too.
+    /// job fail before this run_jobs call renews its note, so that the failure is accepted here, too.
     void note_others() {
         for (const std::size_t k : std::vector(pending_)) {
             if (failed_by_others(k)) continue;
@@ -175,7 +175,7 @@ class JobRunner {
         }
     }
 
-    /// Accepts the failure of a job in another process since this process started.
+    /// Accepts the failure of a job in another process since run_jobs was called.
     bool failed_by_others(std::size_t k) {
         const JobNote failure = read_note(failure_file(k));
         if (failure.text.empty() || failure == first_failures_[k]) return false;
@@ -193,7 +193,7 @@ class JobRunner {
         return true;
     }
 
-    /// Accepts the result of a job that another process finished since this process started.
+    /// Accepts the result of a job that another process finished since run_jobs was called.
     bool done_by_others(std::size_t k) {
         JobOutcome outcome;
         if (result_time(k) != first_times_[k]) outcome.result = finished_job(jobs_[k].options);

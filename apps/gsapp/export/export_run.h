@@ -64,10 +64,10 @@ struct ExportedModel {
 /// Writes scene.ngsplat and, if the web viewer is built, the viewer with a preview image for links to it. Measures the
 /// loss from packing on the test views, and writes it to the log and the file. A second run becomes scene-2.ngsplat,
 /// levels (coarser_levels) become scene-level-K.ngsplat. If there are further files beside scene.ngsplat, site.json
-/// lists them, with the PSNR of each level. Throws UsageError if the output already exists, if the two runs have
-/// different cameras, or if there are no test views whose photographs could be written; DataError for parameters that
-/// are not finite and if a file cannot be read or written; and the errors of find_start_view, open_saved_run and turn
-/// (lib/export/turn.h).
+/// lists them, with the PSNR of each level. Throws UsageError if the output already exists and `overwrite` is off, if
+/// the two runs have different cameras, or if there are no test views whose photographs could be written; DataError for
+/// parameters that are not finite and if a file cannot be read or written; and the errors of find_start_view,
+/// open_saved_run and turn (lib/export/turn.h).
 std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOptions& site = {});
 
 enum class SplatFormat {
