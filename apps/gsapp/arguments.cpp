@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts the ranks of a command, and reads the scene of a point cloud from the command line.
+// Starts the ranks of a command, and parses the scene options of a point cloud.
 #include "apps/gsapp/arguments.h"
 
 #include <fmt/format.h>
@@ -14,7 +14,7 @@
 namespace gs {
 namespace {
 
-/// What a run may be given, too.
+/// Options that also apply to a run.
 const std::set<std::string> kOfRuns = {"source", "device"};
 
 std::vector<std::string> keys(DeviceOption device) {

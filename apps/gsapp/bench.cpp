@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp bench`: what an iteration and a frame cost on this machine; and its subcommands for frame times, precision,
-// stability and the runs of an experiment.
+// `gsapp bench`: the cost of an iteration and a frame on this machine; and its subcommands for frame times, precision,
+// stability and experiment suites.
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
@@ -42,7 +42,7 @@ namespace {
 
 /// The values of --repeat and --frame-repeat.
 struct BenchRepeats {
-    int repeat = 0, frame_repeat = 0;  ///< 0 = by device
+    int repeat = 0, frame_repeat = 0;  ///< 0 = default of the device
 };
 
 inline std::optional<std::int64_t> saved_iteration(std::int64_t iteration) {
@@ -64,7 +64,7 @@ void add_frame_repeat_option(CLI::App& command, BenchRepeats& repeats) {
 
 /// Adds --generate. Returns the option.
 CLI::Option* add_generate_option(CLI::App& command, std::vector<std::int64_t>& sizes) {
-    // Checks run after transforms in the order they were added, so the range is that of the whole number.
+    // Checks run after transforms in the order they were added, so the range applies to the whole number.
     return command
         .add_option("--generate", sizes, "Measure generated sets of these sizes, such as 1M,3M,6M; needs no scene")
         ->delimiter(',')
@@ -73,14 +73,14 @@ CLI::Option* add_generate_option(CLI::App& command, std::vector<std::int64_t>& s
         ->check(CLI::Range(std::int64_t(0), std::int64_t(1000000000)));
 }
 
-/// Adds --iteration; -1 = the last saved one. Returns the option.
+/// Adds --iteration; -1 = the last saved iteration. Returns the option.
 CLI::Option* add_iteration_option(CLI::App& command, std::int64_t& iteration) {
     return command.add_option("--iteration", iteration, "Saved iteration of a run to measure (default: the last)")
         ->check(CLI::NonNegativeNumber);
 }
 
-/// Adds the .ply file that may stand without a flag, as -m FILE.ply. To be called before the scene is declared, which
-/// may stand without a flag, too.
+/// Adds the .ply file that may be given without a flag, like -m FILE.ply. Must be called before the scene, which may
+/// also be given without a flag, is declared.
 void add_point_cloud_option(CLI::App& command, std::string& file) {
     command.validate_positionals();  // folders, builtin:NAME and transforms.json are left to the scene
     command.add_option("file", file, "Point cloud to measure, with the scene of its views in -s")
@@ -93,8 +93,8 @@ void add_point_cloud_option(CLI::App& command, std::string& file) {
             ""));
 }
 
-/// Returns the options of a measurement of a trained model: those of the run in -m, or for a point cloud (`file`, or
-/// -m FILE.ply) the flags'. Throws UsageError, also for a point cloud without a scene.
+/// Returns the options for measuring a trained model: those of the run in -m, or for a point cloud (`file`, or -m
+/// FILE.ply) those of the flags. Throws UsageError, also for a point cloud without a scene.
 TrainOptions measured_options(const TrainArguments& train, const std::string& file) {
     TrainOptions options = train.combine({.stored_run = true, .default_source = ""});
     if (!file.empty()) options.model = file;
@@ -106,7 +106,7 @@ TrainOptions measured_options(const TrainArguments& train, const std::string& fi
     return options;
 }
 
-/// Sets up messages and threads as the options say.
+/// Sets up messages and threads according to the options.
 void prepare_bench(const TrainOptions& options) {
     setup_log(shown_messages(options));
     set_num_threads(options.threads);
@@ -120,7 +120,7 @@ struct BenchArguments {
     bool compare_deterministic = false, json = false;
 };
 
-/// Prints tables as soon as they are there, and JSON as one object at the end.
+/// Prints tables immediately, and JSON as one object at the end.
 class Results {
   public:
     explicit Results(bool json) : json_(json) {}
@@ -149,7 +149,7 @@ void bench_generated_sets(const TrainArguments& train, const BenchArguments& arg
     results.end();
 }
 
-/// Measures generated sets that several ranks hold. In the processes of the other ranks it does their part.
+/// Measures generated sets that are distributed over several ranks. In the processes of other ranks it does their part.
 void bench_generated_sets_on_ranks(const TrainArguments& train, const BenchArguments& arguments) {
     if (arguments.generate.empty())
         throw UsageError("bench --ranks measures generated sets; name their sizes with --generate");
@@ -205,7 +205,7 @@ void bench_frames(const TrainArguments& train, const FramesArguments& arguments)
     std::vector<FrameTimesLine> lines;
     RunChanges of_files{.device = options.device, .point_cloud = options};
     of_files.point_cloud->source = train.combine().source;
-    // Beside point clouds it is theirs; otherwise it is where the runs' scene is now.
+    // With point clouds, --source is their scene; otherwise it is the new path of the runs' scene.
     if (std::none_of(runs.begin(), runs.end(), is_point_cloud)) of_files.source = of_files.point_cloud->source;
     for (const std::string& run : runs)
         lines.push_back(time_run_frames(run, saved_iteration(arguments.iteration), of_files, frames_per_view));
@@ -258,14 +258,14 @@ void bench_suite(const TrainOptions& base, const SuiteArguments& arguments) {
     throw_unless_complete(done.summary, done.lines.size(), done.folder / "suite.md");
 }
 
-// Each adds one subcommand to `bench` and, in its callback, sets `selected`.
+// Each function adds one subcommand to `bench`, whose callback sets `selected`.
 void add_bench_frames_command(CLI::App& bench, Command& selected) {
     CLI::App* command = bench.add_subcommand(
         "frames",
         "Time frames of runs at 1280x720 pixels, view by view; print one table and add the times to the "
         "runs' results.json");
     const auto arguments = std::make_shared<FramesArguments>();
-    // Declared before the scene, which may stand without a flag, too.
+    // Declared before the scene, which may also be given without a flag.
     command->add_option("runs", arguments->runs, "Run folders, or .ply files with the scene of their views in -s")
         ->type_name("RUN|FILE.ply");
     const auto train = std::make_shared<TrainArguments>(*command);
@@ -319,7 +319,7 @@ void add_bench_suite_command(CLI::App& bench, Command& selected) {
         "Train the runs of an experiment, one at a time or one on each GPU, and print a table of them; "
         "finished ones in -m FOLDER are kept");
     const auto arguments = std::make_shared<SuiteArguments>();
-    // Declared before the scene, which may stand without a flag, too.
+    // Declared before the scene, which may also be given without a flag.
     command->add_option("name", arguments->suite, "The experiment")->check(CLI::IsMember(suite_names()));
     const auto train = std::make_shared<TrainArguments>(*command);
     command
@@ -356,7 +356,7 @@ void add_bench_command(CLI::App& app, Command& selected) {
     add_bench_stability_command(*command, selected);
     command->callback([train, arguments, command, &selected] {
         if (const auto subcommands = command->get_subcommands();
-            !subcommands.empty()) {  // whose callback has set `selected` already
+            !subcommands.empty()) {  // its callback has set `selected` already
             for (const CLI::Option* option : command->get_options())
                 if (option->count() > 0)
                     throw UsageError(option->get_name() + " stands before '" + subcommands.front()->get_name() +

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a subcommand joins the program: it declares its arguments, and names the work to do when it was chosen.
+// The interface of a subcommand: it declares its arguments, and sets the work to do if it is chosen.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -7,10 +7,11 @@
 
 namespace gs {
 
-/// The work of the chosen subcommand. It runs after the whole command line was read; errors leave it as exceptions.
+/// The work of the chosen subcommand. It runs after the whole command line has been parsed; errors propagate as
+/// exceptions.
 using Command = std::function<void()>;
 
-// Each adds one subcommand to `app` and, in its callback, sets `selected`. One file per subcommand.
+// Each function adds one subcommand to `app`, whose callback sets `selected`. One file per subcommand.
 void add_train_command(CLI::App& app, Command& selected);
 void add_eval_command(CLI::App& app, Command& selected);
 void add_render_command(CLI::App& app, Command& selected);

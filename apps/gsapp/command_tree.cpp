@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Walks over the commands that CLI11 knows, and prints the short help from their words.
+// Traverses the commands declared in CLI11, and prints the short help.
 #include "apps/gsapp/command_tree.h"
 
 #include <fmt/format.h>
@@ -20,7 +20,7 @@ std::vector<std::string> split(const std::string& text, char separator) {
     return parts;
 }
 
-/// Fills in what CLI11 says of a value in one text: "TEXT:{web,ply,splat}", "INT:INT in [0 - 1000]", "DIR".
+/// Parses CLI11's description of a value: "TEXT:{web,ply,splat}", "INT:INT in [0 - 1000]", "DIR".
 void read_type(const std::string& type, OptionWords& words) {
     words.value = type.substr(0, type.find(':'));
     if (const auto brace = type.find('{'); brace != std::string::npos)
@@ -43,8 +43,8 @@ OptionWords option_words(const CLI::Option& option) {
     words.is_list = option.get_expected_max() > 1;
     words.is_required = option.get_required();
     if (option.get_items_expected_max() > 0) read_type(option.get_type_name(), words);
-    words.is_basic = words.group == "Options";          // CLI11's own heading, of options that were given no other
-    for (const Option& known : train_option_table()) {  // whose words CLI11 does not know
+    words.is_basic = words.group == "Options";          // CLI11's default heading
+    for (const Option& known : train_option_table()) {  // values that CLI11 does not know
         if (std::find(words.names.begin(), words.names.end(), "--" + known.key) == words.names.end() ||
             !words.help.starts_with(known.help))
             continue;
@@ -71,10 +71,10 @@ void collect(const CommandWords& command, std::vector<const CommandWords*>& all)
     }
 }
 
-/// The columns of a line, and where descriptions begin.
+/// Width of a line, and the column at which descriptions begin.
 constexpr std::size_t kColumns = 100, kDescription = 30;
 
-/// Returns a short name, the shortest long one and the value: "-m, --model TEXT"; for a positional its name.
+/// Returns a short name, the shortest long name and the value: "-m, --model TEXT"; for a positional its name.
 std::string spelling(const OptionWords& option) {
     std::string short_name, long_name;
     for (const std::string& name : option.names) {
@@ -89,7 +89,7 @@ std::string spelling(const OptionWords& option) {
     return text + (value.empty() ? "" : " " + value) + (option.is_list ? " ..." : "");
 }
 
-/// Returns "  names   description", wrapped behind the names.
+/// Returns "  names   description", wrapped in the second column.
 std::string entry(const std::string& names, const std::string& description) {
     std::string text, line = "  " + names;
     if (line.size() + 2 > kDescription) {
@@ -111,7 +111,7 @@ std::string entry(const std::string& names, const std::string& description) {
     return text + line + "\n";
 }
 
-/// Returns what the help text says first, without what stands in parentheses.
+/// Returns the first part of a help text without parentheses.
 std::string brief(std::string help) {
     for (std::size_t open; (open = help.find(" (")) != std::string::npos;)
         help.erase(open, std::min(help.find(')', open), help.size() - 1) + 1 - open);
@@ -133,7 +133,7 @@ class ShortHelp final : public CLI::Formatter {
                 ++left_out;
                 continue;
             }
-            // The preset of an option that may stand alone is its value then, not its default.
+            // For an option whose value may be omitted, the preset is the value used then, not the default.
             const bool says_default =
                 option.needs_value && !option.preset.empty() && option.help.find("efault") == std::string::npos;
             text += entry(spelling(option), brief(option.help) + (says_default ? " [" + option.preset + "]" : ""));

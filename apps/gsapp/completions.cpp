@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp completions`: what lets bash, zsh and fish complete the program's command line. Called by the build.
+// `gsapp completions`: the completion scripts for bash, zsh and fish. Called by the build.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-/// Returns `text` between single quotes, as any shell reads it.
+/// Returns `text` in single quotes, valid in any shell.
 std::string quoted(const std::string& text) {
     std::string out = "'";
     for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
@@ -42,8 +42,8 @@ template <class Wanted> std::vector<std::string> patterns(const CommandWords& co
     return out;
 }
 
-/// Returns what may stand where `command` is the innermost one: its commands and the choices of positional arguments,
-/// and its options behind a hyphen.
+/// Returns the completions if `command` is the innermost command: its subcommands and the choices of its positional
+/// arguments, and its options after a hyphen.
 std::string bash_words(const CommandWords& command) {
     std::vector<std::string> options, words;
     for (const OptionWords& option : command.options) {
@@ -120,7 +120,7 @@ complete -F _gsapp gsapp
 
 // zsh
 
-/// Returns `text` with the characters escaped that end a part of a specification of _arguments.
+/// Returns `text` with an escape before each character that would end a part of an _arguments specification.
 std::string zsh_text(const std::string& text) {
     std::string out;
     for (const char c : text) {
@@ -171,7 +171,7 @@ std::string zsh_commands(const CommandWords& command) {
     return text;
 }
 
-/// Returns the function that completes behind `command`, whose word is the first of `words`.
+/// Returns the function that completes the arguments of `command`, whose name is the first of `words`.
 std::string zsh_function(const CommandWords& command) {
     std::string text = fmt::format("{}() {{\n", function_name(command));
     if (!command.commands.empty()) {
@@ -207,7 +207,7 @@ std::string fish_condition(const CommandWords& command) {
     return text;
 }
 
-/// fish escapes a quote between quotes by a backslash.
+/// Returns `text` in quotes for fish, which escapes a quote with a backslash.
 std::string fish_quoted(const std::string& text) {
     std::string out = "'";
     for (const char c : text) out += c == '\'' || c == '\\' ? std::string("\\") + c : std::string(1, c);
@@ -248,7 +248,7 @@ void add_completions_command(CLI::App& app, Command& selected) {
     CLI::App* command = app.add_subcommand("completions", "Print what lets a shell complete gsapp's command line");
     const auto shell = std::make_shared<std::string>();
     command->add_option("shell", *shell)->required()->check(CLI::IsMember({"bash", "zsh", "fish"}));
-    command->group("");  // installed with the program; nobody has to call it
+    command->group("");  // installed with the program; users need not call it
     command->callback([=, &app, &selected] {
         selected = [=, &app] {
             const CommandWords words = command_words(app);

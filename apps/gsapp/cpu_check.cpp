@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ends the program with a message where the CPU lacks what it was compiled for, instead of by SIGILL. This runs before
-// the initialisation of everything else, is compiled for any x86-64, and calls no code of other files, which is not.
+// Ends the program with a message, instead of by SIGILL, if the CPU lacks required instructions. The check runs before
+// all other initialisation, is compiled for any x86-64, and calls no code in other files, which are not.
 #include <unistd.h>
 
 #include "kernels/base/error.h"
@@ -9,7 +9,7 @@
 namespace gs {
 namespace {
 
-/// Returns bits as in kBuiltCpuFeatures. The compiler's function takes no variable.
+/// Returns bits as in kBuiltCpuFeatures. The compiler's function accepts only literals.
 unsigned features_of_this_cpu() {
     __builtin_cpu_init();
     unsigned bits = 0;
@@ -27,10 +27,10 @@ unsigned features_of_this_cpu() {
 void print(const char* text) {
     std::size_t length = 0;
     while (text[length] != '\0') ++length;
-    if (::write(STDERR_FILENO, text, length) < 0) return;  // nobody is left to be told
+    if (::write(STDERR_FILENO, text, length) < 0) return;  // no other place to report the error
 }
 
-/// 101 is the first priority that programs may have.
+/// Checks the CPU at start. 101 is the first priority available to programs.
 __attribute__((constructor(101))) void check_cpu() {
     const unsigned lacking = kBuiltCpuFeatures & ~features_of_this_cpu();
     if (lacking == 0) return;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp doctor`: what this machine has of all that gsapp can use, what is missing, and how to get it.
+// `gsapp doctor`: the hardware and software on this machine that gsapp can use, the missing parts, and how to install
+// them.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -27,18 +28,18 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kGiB = 1024.0 * 1024 * 1024;
-/// A run of 1.5 M Gaussians, with a checkpoint and its temporary copy, writes about that much.
+/// Approximate bytes written by a run of 1.5 M Gaussians, with a checkpoint and its temporary copy.
 constexpr double kRoomOfARun = 2 * kGiB;
 
-/// One thing that was looked for. The program works without any of them.
+/// One component that was looked for. The program works without any of them.
 struct Finding {
-    std::string name, found;        ///< `found` is empty if it is missing or cannot be used
-    std::string needed_for;         ///< what cannot be done without it
-    std::string get;                ///< how it is got; empty for what cannot be
-    std::string state = "missing";  ///< if `found` is empty
+    std::string name, found;        ///< `found` is empty if it is missing or unusable
+    std::string needed_for;         ///< features that need it
+    std::string get;                ///< how to install it; empty if that is impossible
+    std::string state = "missing";  ///< status if `found` is empty
 };
 
-/// Returns the path of a program on PATH, empty if there is none. Like the shell it takes an empty part for ".".
+/// Returns the path of a program on PATH, empty if there is none. As in the shell, an empty entry means ".".
 std::string program_path(const std::string& name) {
     const char* const path = std::getenv("PATH");
     std::istringstream folders(path != nullptr ? path : "");
@@ -58,7 +59,7 @@ Finding program(const std::string& name, const std::vector<std::string>& names, 
     return finding;
 }
 
-/// Returns the first line of a file of the kernel, empty if there is none.
+/// Returns the first line of a kernel file, empty if there is none.
 std::string first_line(const char* path) {
     std::ifstream file(path);
     std::string line;
@@ -66,7 +67,7 @@ std::string first_line(const char* path) {
     return line;
 }
 
-/// Returns the number of bytes that /proc/meminfo calls `key`, 0 if it does not say.
+/// Returns the value of `key` in /proc/meminfo, in bytes; 0 if it is missing.
 double memory(const std::string& key) {
     std::ifstream file("/proc/meminfo");
     std::string name, unit;
@@ -76,7 +77,7 @@ double memory(const std::string& key) {
     return 0;
 }
 
-/// A CPU that lacks one of these does not come this far (cpu_check.cpp).
+/// Reports the CPU. A CPU that lacks required instructions never reaches this code (cpu_check.cpp).
 Finding cpu_finding() {
     return {.name = "CPU",
             .found = fmt::format("{} threads; built for {} ({})", std::thread::hardware_concurrency(),
@@ -85,7 +86,7 @@ Finding cpu_finding() {
             .get = {}};
 }
 
-/// Tries one kernel: a GPU that is seen may still be one that this build has no code for.
+/// Runs one kernel: this build may lack code for a GPU although it is visible.
 Finding gpu_finding() {
     const std::string failure = try_cuda_device();
     Finding finding{.name = "GPU",

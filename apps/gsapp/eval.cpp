@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp eval`: scores of finished runs, and a table over them; `gsapp metrics`: compares two images, or scores runs
-// under the name that 3DGS has for it.
+// `gsapp eval`: scores finished runs and prints a table of them; `gsapp metrics`: compares two images, or scores runs
+// (3DGS's name for `gsapp eval`).
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -32,18 +32,19 @@ namespace gs {
 namespace {
 
 struct MetricArguments {
-    std::string names;    ///< as for parse_metric_names
-    std::string weights;  ///< as for metric_weights_folder
+    std::string names;    ///< list for parse_metric_names
+    std::string weights;  ///< folder for metric_weights_folder
     std::optional<Device> device = {};
 };
 
 struct EvalArguments {
     std::vector<std::string> runs;
-    std::int64_t iteration = -1;  ///< -1 = the last saved one
-    std::string format;           ///< empty = Markdown, plainer on a terminal
+    std::int64_t iteration = -1;  ///< -1 = the last saved iteration
+    std::string format;           ///< empty = Markdown, plain text on a terminal
     std::string protocol = protocols().front().name;
     std::string ssim_border, ppisp_eval, html, output;
-    /// The views to score on instead of a run's own, and those of point clouds without a run; null: runs on their own.
+    /// Scene to score on instead of a run's own, and the scene of point clouds without a run; null: each run's own
+    /// scene.
     std::shared_ptr<SceneArguments> scene;
     int frame_rounds = 0;
     std::optional<int> marks;
@@ -53,14 +54,14 @@ struct EvalArguments {
     int ranks = 1;
 };
 
-/// Adds the folders of runs, which may also stand after -m as in 3DGS's scripts. Returns the option.
+/// Adds the run folders, which may also be given with -m as in 3DGS's scripts. Returns the option.
 CLI::Option* add_runs_option(CLI::App& command, std::vector<std::string>& runs, const std::string& positional,
                              const std::string& help = "Run folders", const std::string& type_name = "RUN") {
     const std::string names = "-m,--model,--model_path";
     return command.add_option(positional.empty() ? names : positional + "," + names, runs, help)->type_name(type_name);
 }
 
-/// Adds --metrics, --metric-weights and --device. Their values go into `arguments`, which must outlive `command`.
+/// Adds --metrics, --metric-weights and --device. Their values are stored in `arguments`, which must outlive `command`.
 void add_metric_options(CLI::App& command, MetricArguments& arguments) {
     command
         .add_option("--metrics", arguments.names,
@@ -81,7 +82,7 @@ void add_metric_options(CLI::App& command, MetricArguments& arguments) {
         ->check(CLI::IsMember(words<Device>()));
 }
 
-/// Throws UsageError.
+/// Returns the options of the metrics. Throws UsageError.
 MetricOptions metric_options(const MetricArguments& arguments, LpipsRange lpips_range) {
     MetricOptions options;
     options.lpips_range = lpips_range;
@@ -96,14 +97,14 @@ TableFormat format_of(const EvalArguments& arguments) {
     return ::isatty(STDOUT_FILENO) != 0 ? TableFormat::kTerminal : TableFormat::kMarkdown;
 }
 
-/// What is scored, and where its results lie.
+/// A model to score, and the folder of its results.
 struct Subject {
-    std::string run;  ///< as the user named it: a run folder, or a point cloud without a run
+    std::string run;  ///< as typed by the user: a run folder, or a point cloud without a run
     std::filesystem::path results;
     bool keep_pictures = true;
 };
 
-/// Returns where the results of each lie. Those of a point cloud for which no folder is named go to `temporary`.
+/// Returns the models with their results folders. Results of a point cloud without a given folder go to `temporary`.
 std::vector<Subject> subjects(const EvalArguments& arguments, const RunChanges& changes,
                               std::optional<WorkFolder>& temporary) {
     if (!arguments.output.empty() && arguments.runs.size() > 1)
@@ -119,14 +120,14 @@ std::vector<Subject> subjects(const EvalArguments& arguments, const RunChanges& 
                     "--skip-render: '{}' stores no results; name the folder that eval --output wrote", run));
             if (!temporary) temporary.emplace(own_temporary_folder() / "eval");
             subject.results = temporary->path() / std::to_string(all.size());
-            subject.keep_pictures = !arguments.html.empty();  // the page takes them from there
+            subject.keep_pictures = !arguments.html.empty();  // source of the page's images
         }
         all.push_back(subject);
     }
     return all;
 }
 
-/// Scores a subject. The results of a run on another scene lie in a folder of their own.
+/// Scores a subject. Results of a run on another scene are stored in a separate folder.
 void evaluate(Subject& subject, std::optional<std::int64_t> iteration, const RunChanges& changes,
               const Protocol& protocol, const std::vector<Metric>& metrics, const EvalArguments& arguments) {
     SavedRun run = open_saved_run(subject.run, iteration, changes);
@@ -144,7 +145,7 @@ void evaluate(Subject& subject, std::optional<std::int64_t> iteration, const Run
 
 /// Renders and scores the runs, and prints one table over all of them.
 void run_eval(const EvalArguments& arguments) {
-    // Mistakes in the words are found before any run is rendered.
+    // Invalid arguments are detected before any run is rendered.
     const TableFormat format = format_of(arguments);
     Protocol protocol = find_protocol(arguments.protocol);
     if (!arguments.ssim_border.empty()) protocol.ssim_border = parse_ssim_border(arguments.ssim_border);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp export: a finished run or a point cloud as a page that shows it, or as a file for other programs.
+// gsapp export: exports a finished run or a point cloud as a web page, or as a file for other programs.
 #include <fmt/format.h>
 
 #include <cctype>
@@ -22,8 +22,8 @@ struct ExportArguments {
     std::vector<std::string> runs;
     std::string output, up, format = "web", title, start_view, url;
     std::shared_ptr<SceneArguments> scene;
-    std::int64_t iteration = -1;  ///< -1 = the last saved one
-    int photographs = 0;          ///< their maximum number
+    std::int64_t iteration = -1;  ///< -1 = the last saved iteration
+    int photographs = 0;          ///< maximum number of photographs
     bool has_format = false, sh_projection = false, overwrite = false, compatible = false, levels = false, json = false;
 };
 
@@ -40,8 +40,8 @@ nlohmann::ordered_json json_of(const std::vector<ExportedModel>& exported) {
     return json;
 }
 
-/// Returns the format that the ending of --output names, where that is no folder. Throws UsageError for the endings of
-/// files that gsapp does not write.
+/// Returns the format of the extension of --output, or an empty string if --output is a folder. Throws UsageError for
+/// extensions of files that gsapp does not write.
 std::string format_of_name(const std::filesystem::path& output) {
     std::error_code ignored;
     if (std::filesystem::is_directory(output, ignored)) return {};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program `gsapp`: reads the command line, runs one subcommand, and turns errors into one message and an exit code.
+// The program `gsapp`: parses the command line, runs one subcommand, and turns errors into one message and an exit
+// code.
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -37,7 +38,7 @@
 namespace gs {
 namespace {
 
-/// Every flag and subcommand that may stand where `app` is the innermost command.
+/// Returns every flag and subcommand that is valid if `app` is the innermost command.
 std::vector<std::string> known_words(const CLI::App& app) {
     std::vector<std::string> words;
     for (const CLI::Option* option : app.get_options()) {
@@ -49,7 +50,7 @@ std::vector<std::string> known_words(const CLI::App& app) {
     return words;
 }
 
-/// Returns the program's name with the subcommands that the command line has: "gsapp bench frames".
+/// Returns the program's name with the subcommands of the command line: "gsapp bench frames".
 std::string called_command(const CLI::App& app) {
     std::string text = "gsapp";
     for (auto called = app.get_subcommands(); !called.empty(); called = called.front()->get_subcommands())
@@ -57,8 +58,8 @@ std::string called_command(const CLI::App& app) {
     return text;
 }
 
-/// Returns the message for a wrong command line. For an unknown word it names a known one that is near; otherwise it is
-/// CLI11's own message.
+/// Returns the message for an invalid command line. For an unknown word it suggests a similar known word; otherwise it
+/// is CLI11's own message.
 std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
     const CLI::App* command = &app;
     while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
@@ -71,7 +72,7 @@ std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
     return error.what();
 }
 
-/// Lets the numbers of `app` and its subcommands be decimal only. CLI11 also takes 0x10, 010 (as 8) and "nan".
+/// Restricts the numbers of `app` and its subcommands to decimals. CLI11 also accepts 0x10, 010 (as 8) and "nan".
 void require_decimal_numbers(CLI::App& app) {
     const CLI::Validator decimal(
         [](std::string& text) {
@@ -93,7 +94,7 @@ void require_decimal_numbers(CLI::App& app) {
 struct KnownCommand {
     std::string_view name;
     void (*add)(CLI::App& app, Command& selected);
-    bool describes_others = false;  ///< it prints something about all commands
+    bool describes_others = false;  ///< whether it prints information about all commands
 };
 constexpr KnownCommand kCommands[] = {
     {"train", add_train_command},        {"eval", add_eval_command},
@@ -104,8 +105,8 @@ constexpr KnownCommand kCommands[] = {
     {"doctor", add_doctor_command},      {"completions", add_completions_command, true},
     {"manual", add_manual_command, true}};
 
-/// Whether `command` has to be declared to read `words`. All together take CLI11 most of the time in which the program
-/// starts, because it compares each option with those before it.
+/// Returns whether `command` must be declared to parse `words`. Declaring all commands takes most of the program's
+/// start time, because CLI11 compares each option with all earlier ones.
 bool is_needed(const KnownCommand& command, const std::vector<std::string>& words) {
     const auto is_version = [](const std::string& word) { return word == "--version" || word == "--json"; };
     if (!words.empty() && std::all_of(words.begin(), words.end(), is_version)) return false;
@@ -117,11 +118,11 @@ bool is_needed(const KnownCommand& command, const std::vector<std::string>& word
 int run(int argc, char** argv) {
     CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
     set_up_help(app);
-    bool is_json = false;  // set too late for the callback, which therefore counts
+    bool is_json = false;  // set too late for the callback, which therefore uses count()
     const CLI::Option* json = nullptr;
-    CLI::Option* version = app.set_version_flag("--version", [&json] {  // asked only then: waking the GPU takes a while
-        return json->count() > 0 ? json_text(version_json(), 1) : version_report();
-    });
+    // Computed only on request: waking the GPU takes a while.
+    CLI::Option* version = app.set_version_flag(
+        "--version", [&json] { return json->count() > 0 ? json_text(version_json(), 1) : version_report(); });
     json = app.add_flag("--json", is_json, "With --version: print it as JSON")->needs(version);
     app.require_subcommand(1);
     Command selected;
@@ -130,7 +131,7 @@ int run(int argc, char** argv) {
         if (is_needed(command, words)) command.add(app, selected);
     require_decimal_numbers(app);
     try {
-        std::reverse(words.begin(), words.end());  // as CLI11 takes them
+        std::reverse(words.begin(), words.end());  // CLI11 expects reverse order
         app.parse(std::move(words));
     } catch (const CLI::Success& help_or_version) {
         return app.exit(help_or_version);
@@ -142,13 +143,13 @@ int run(int argc, char** argv) {
 }
 
 /// Opens the standard descriptors that the caller has closed, so that no file of the program takes their numbers.
-/// stdout is opened for reading alone: whatever is printed there is an error.
+/// stdout is opened read-only, so that printing to it is an error.
 void open_standard_descriptors() {
     for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
         if (::fcntl(fd, F_GETFD) < 0) (void)::open("/dev/null", fd == STDERR_FILENO ? O_WRONLY : O_RDONLY);
 }
 
-/// Throws DataError if something that was printed to stdout did not get there. Streams do not say so by themselves.
+/// Throws DataError if output to stdout was lost. Streams do not report this by themselves.
 void require_printed() {
     std::cout.flush();
     errno = 0;
@@ -159,13 +160,13 @@ void require_printed() {
                     "; what the command prints is missing or incomplete");
 }
 
-/// The one place where an error leaves the program.
+/// Logs an error and returns its exit code. Every error ends the program through this function.
 int report(const std::string& message, ExitCode code) {
     if (!message.empty()) log_error("{}", message);
     return static_cast<int>(code);
 }
 
-/// Reports the exception that is being handled. Returns the exit code.
+/// Reports the exception being handled. Returns the exit code.
 int report_exception() {
     try {
         throw;
@@ -177,39 +178,39 @@ int report_exception() {
     } catch (const std::filesystem::filesystem_error& e) {
         const std::string path = e.path2().empty() ? e.path1().string() : e.path2().string();
         return report(path + ": " + e.code().message(), ExitCode::kDataset);
-    } catch (const std::system_error& e) {  // a thread or lock that the system does not give
+    } catch (const std::system_error& e) {  // a thread or lock that the system refused
         return report(std::string("the system refused: ") + e.what(), ExitCode::kDevice);
     } catch (const std::bad_alloc&) {
         return report("out of memory; a smaller --cap-max, --image-cache or -r helps", ExitCode::kDevice);
     } catch (const std::exception& e) {
         const std::string reason = e.what();
         if (reason.starts_with("pthread_"))
-            return report("the system refused: " + reason, ExitCode::kDevice);  // of TBB
+            return report("the system refused: " + reason, ExitCode::kDevice);  // from TBB
         return report("unexpected: " + reason, ExitCode::kUnexpected);
     } catch (...) {
         return report("unexpected: an exception of an unknown kind", ExitCode::kUnexpected);
     }
 }
 
-/// Whether messages can be logged: main has begun.
+/// Whether messages can be logged, which is so once main has started.
 bool has_log = false;
 
-/// Ends the program with a message when an exception cannot reach main: before main, or in a thread of a library that
-/// lets none out, such as those in which TBB and the HTTP server start further threads.
+/// Ends the program with a message if an exception cannot reach main: before main, or in a library thread that
+/// exceptions cannot leave, such as those in which TBB and the HTTP server start further threads.
 [[noreturn]] void end_from_anywhere() noexcept {
     static std::atomic<bool> ending = false;
     static thread_local bool is_reporting = false;
     if (!std::current_exception()) std::abort();
     if (std::exchange(is_reporting, true))
-        std::_Exit(static_cast<int>(ExitCode::kDevice));  // no memory for that, either
-    while (ending.exchange(true)) ::pause();              // another thread says why, and ends the program
+        std::_Exit(static_cast<int>(ExitCode::kDevice));  // out of memory while reporting
+    while (ending.exchange(true)) ::pause();              // another thread reports the error and ends the program
     if (has_log) std::_Exit(report_exception());
     constexpr char kMessage[] = "error: the system gives too few threads or too little memory to begin\n";
     if (::write(STDERR_FILENO, kMessage, sizeof kMessage - 1) < 0) std::abort();
     std::_Exit(static_cast<int>(ExitCode::kDevice));
 }
 
-/// Runs before the initialisation of shared libraries, some of which start threads in it.
+/// Runs before the initialisation of shared libraries, some of which start threads.
 void before_libraries(int, char**, char**) { std::set_terminate(end_from_anywhere); }
 [[gnu::section(".preinit_array"), gnu::used]] void (*first_call)(int, char**, char**) = before_libraries;
 

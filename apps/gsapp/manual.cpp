@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp manual`: the manual page gsapp(1). Called by the build.
+// `gsapp manual`: writes the manual page gsapp(1). Called by the build.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace gs {
 namespace {
 
-/// Returns `text` as one line of roff that means nothing else: a hyphen stays one that can be copied.
+/// Returns `text` as one literal line of roff, with hyphens that can be copied.
 std::string roff(const std::string& text) {
     std::string out;
     for (const char c : text) {
@@ -35,7 +35,7 @@ std::string value_text(const OptionWords& option) {
     return "\\fI" + roff(option.value) + "\\fR" + (option.is_list ? " ..." : "");
 }
 
-/// Returns help, range and default. The help of training options says the range itself.
+/// Returns help, range and default. The help of training options already contains the range.
 std::string help_text(const OptionWords& option) {
     std::string text = option.help.empty() ? "No description" : option.help, range = option.range;
     if (!option.choices.empty()) range = fmt::format("{}", fmt::join(option.choices, ", "));
@@ -65,7 +65,7 @@ std::string synopsis(const CommandWords& command) {
     return text;
 }
 
-/// Returns the section of a command. The options of a training, which other commands take as well, stand once.
+/// Returns the section of a command. Training options, which other commands also accept, are listed only once.
 std::string command_section(const CommandWords& command, const CommandWords& train) {
     const auto is_of_training = [&](const OptionWords& option) {
         return std::any_of(train.options.begin(), train.options.end(), [&](const OptionWords& other) {
@@ -157,7 +157,7 @@ gsapp view site
 
 void add_manual_command(CLI::App& app, Command& selected) {
     CLI::App* command = app.add_subcommand("manual", "Print the manual page gsapp(1)");
-    command->group("");  // installed with the program; nobody has to call it
+    command->group("");  // installed with the program; users need not call it
     command->callback(
         [&app, &selected] { selected = [&app] { std::fputs(manual(command_words(app)).c_str(), stdout); }; });
 }

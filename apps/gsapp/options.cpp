@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp options`: the table of options, as YAML with the defaults or as the documentation page.
+// `gsapp options`: prints the table of options, as YAML with the defaults or as the documentation page.
 #include <iostream>
 #include <memory>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp prepare: photographs or a video to a scene, with colmap.
+// gsapp prepare: converts photographs or a video to a scene, with colmap.
 #include "lib/scene/prepare.h"
 
 #include <unistd.h>
@@ -16,7 +16,7 @@
 namespace gs {
 namespace {
 
-/// The line of progress on a terminal; elsewhere one message a stage.
+/// A progress line on a terminal; elsewhere one message per stage.
 class StageLine {
   public:
     void show(int stage, int stages, const std::string& name, const std::string& count) {
@@ -54,7 +54,7 @@ nlohmann::ordered_json json_of(const PrepareReport& report, const std::filesyste
 }
 
 void run_prepare(const PrepareOptions& options, bool json, bool quiet) {
-    catch_interrupts();  // the programs get the signal as well; the temporary folder is then removed
+    catch_interrupts();  // the child processes receive the signal as well; the temporary folder is then removed
     StageLine line;
     const PrepareReport report =
         prepare_scene(options, [&](int stage, int stages, const std::string& name, const std::string& count) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looks at stdout to choose how tables are printed, adds the options that commands share, and puts the answers of
-// `gsapp --version` together.
+// Chooses the table style from the type of stdout, adds the options that commands share, and assembles the report of
+// `gsapp --version`.
 #include "apps/gsapp/printing.h"
 
 #include <unistd.h>

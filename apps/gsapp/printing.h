@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How commands print what they have measured, and what this build of the program is.
+// Prints measurements of commands, and the properties of this build of the program.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -14,7 +14,7 @@ namespace gs {
 /// Returns the style of tables on stdout: plain on a terminal, Markdown elsewhere.
 TableStyle stdout_style();
 
-/// Adds --json, which asks for JSON instead of tables.
+/// Adds --json, which requests JSON instead of tables.
 void add_json_flag(CLI::App& command, bool& json);
 
 /// Adds --json to a command that prints nothing without it.
@@ -23,13 +23,13 @@ void add_outcome_flag(CLI::App& command, bool& json);
 /// Prints a JSON object to stdout.
 void print_json(const nlohmann::ordered_json& json);
 
-/// Adds --quiet, which leaves out the messages below warnings.
+/// Adds --quiet, which suppresses messages below warnings.
 CLI::Option* add_quiet_flag(CLI::App& command);
 
-/// Returns version, backends, and what CUDA was built for and found, or why there is none.
+/// Returns version, backends, and the CUDA architectures and device, or the reason why CUDA is unavailable.
 std::string version_report();
 
-/// Returns the same for programs, and the instruction sets that the build needs.
+/// Returns the version report as JSON, with the instruction sets that the build requires.
 nlohmann::ordered_json version_json();
 
 }  // namespace gs

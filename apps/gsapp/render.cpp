@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp render: pictures and videos of a finished run or a point cloud from the scene's cameras, a file of cameras, or
-// an orbit.
+// gsapp render: renders images and videos of a finished run or a point cloud from the scene's cameras, a camera file,
+// or an orbit.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -43,21 +43,21 @@ struct RenderArguments {
     int orbit = 0;
     int ranks = 1;
     double orbit_elevation = 0, fps = kUsualFps;
-    std::int64_t iteration = -1;  ///< -1 = the last saved one
+    std::int64_t iteration = -1;  ///< -1 = the last saved iteration
     RenderParts parts;
-    bool skip_train = false, skip_test = false;  ///< other words for the views
+    bool skip_train = false, skip_test = false;  ///< alternative names of 3DGS for --views
     bool overwrite = false, has_elevation = false, has_fps = false, json = false;
 };
 
-/// Views that belong into one folder.
+/// Views for one folder.
 struct ViewSet {
-    std::string name;  ///< the folder's, where the user names none
+    std::string name;  ///< name of the folder, unless the user gives one
     std::vector<View> views;
 };
 
 struct WantedViews {
     std::vector<ViewSet> sets;
-    std::optional<double> fps;  ///< of the file of cameras
+    std::optional<double> fps;  ///< frame rate of the camera file
 };
 
 OrbitShape orbit_shape(const RenderArguments& arguments) {
@@ -106,8 +106,8 @@ void resize_views(std::vector<ViewSet>& sets, const PictureSize& size) {
         size.width, size.height, horizontal_degrees(before), horizontal_degrees(sets[0].views[0].camera));
 }
 
-/// Gives views of several sizes, of which no video can be made, the most frequent size in even numbers; if several are
-/// equally frequent, the largest of them.
+/// Sets views of several sizes, which cannot form a video, to the most frequent size, rounded down to even numbers; if
+/// several are equally frequent, to the largest of them.
 void unite_sizes(std::vector<ViewSet>& sets) {
     std::map<std::pair<int, int>, std::size_t> counts;
     for (const View& view : sets[0].views) ++counts[{view.camera.width, view.camera.height}];
@@ -126,15 +126,15 @@ void unite_sizes(std::vector<ViewSet>& sets) {
     resize_views(sets, {even(size.first), even(size.second)});
 }
 
-/// Returns where the pictures of a set go. A folder that the user names holds them itself, and a folder for each set
-/// if there are several.
+/// Returns the folder for the images of a set. If the user gives a folder, it contains the images directly, or in a
+/// subfolder per set if there are several.
 fs::path folder_of(const RenderArguments& arguments, const SavedRun& run, const std::string& set) {
     if (arguments.output.empty()) return run.folder / "renders" / fmt::format("iteration_{}", run.iteration) / set;
     const fs::path folder = arguments.output;
     return arguments.views == "all" ? folder / set : folder;
 }
 
-/// Writes the pictures, and returns where they are; null in a rank that only holds rows.
+/// Writes the images, and returns their location; null in a rank that only holds rows.
 nlohmann::ordered_json run_render(const RenderArguments& arguments) {
     if (!arguments.video.empty() && arguments.views == "all")
         throw UsageError("--video makes a video of one folder: name --views test or --views train");
@@ -142,7 +142,7 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
         throw UsageError("--show appearance has one colour a Gaussian; it has no --decompose");
     const std::optional<PictureSize> size =
         arguments.size.empty() ? std::nullopt : std::optional(parse_picture_size(arguments.size));
-    orbit_shape(arguments);  // says what is wrong with it before the scene is read
+    orbit_shape(arguments);  // reports errors before the scene is read
     require_model_file(arguments.run);
     if (arguments.output.empty() && is_point_cloud(arguments.run))
         throw UsageError(fmt::format(
@@ -155,11 +155,11 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
         return nullptr;
     }
     changes.group = group.get();
-    // The colours of --show appearance are those that the training cameras see.
+    // The colours of --show appearance are computed from the training cameras.
     changes.needs_scene = (arguments.path.empty() && arguments.orbit == 0) || arguments.show == "appearance";
     SavedRun run = open_saved_run(arguments.run,
                                   arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration), changes);
-    catch_interrupts();  // from here on, so that unfinished pictures are removed
+    catch_interrupts();  // from here on, so that unfinished images are removed
     WantedViews wanted = wanted_views(arguments, run);
     if (size)
         resize_views(wanted.sets, *size);
@@ -200,7 +200,7 @@ void add_camera_options(CLI::App& command, RenderArguments& arguments) {
     CLI::Option* views = command.add_option("--views", arguments.views, "Cameras of the scene: test, train or all")
                              ->capture_default_str();
     views->check(CLI::IsMember({"test", "train", "all"}));
-    // As render.py of 3DGS has them.
+    // Names from 3DGS's render.py.
     command.add_flag("--skip_train,--skip-train", arguments.skip_train)->group("");
     command.add_flag("--skip_test,--skip-test", arguments.skip_test)->group("");
     CLI::Option* path =

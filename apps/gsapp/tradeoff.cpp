@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp tradeoff`: trains configurations of one scene and says which of them are worth their cost.
+// `gsapp tradeoff`: trains configurations of one scene and recommends those worth their cost.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp train`: trains a run, or the same with several seeds, and prints the table of scores.
+// `gsapp train`: trains a run, or one run per seed for several seeds, and prints the table of scores.
 #include <unistd.h>
 
 #include <charconv>
@@ -19,8 +19,8 @@
 namespace gs {
 namespace {
 
-/// Prints to stdout, or to stderr if a program reads JSON lines on stdout: the table is for the people who read the
-/// messages.
+/// Prints the table to stdout, or to stderr if stdout carries JSON lines for a program: the table belongs with the
+/// messages for readers.
 void print_table(const std::vector<RunResult>& runs, const TrainOptions& options) {
     if (runs.empty()) return;
     const bool terminal = ::isatty(options.json ? STDERR_FILENO : STDOUT_FILENO) != 0;
@@ -29,7 +29,7 @@ void print_table(const std::vector<RunResult>& runs, const TrainOptions& options
     std::fputs(table.c_str(), options.json ? stderr : stdout);
 }
 
-/// Returns the port of --view, which may be left out. Throws UsageError for what is none.
+/// Returns the port of --view, which may be omitted. Throws UsageError for an invalid port.
 std::optional<int> port_of(const std::string& text) {
     if (text.empty()) return std::nullopt;
     int port = 0;

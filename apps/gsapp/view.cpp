@@ -26,8 +26,8 @@ struct ViewArguments {
     int port = 8000;
 };
 
-/// Returns whether `target` is a file or folder that is packed first: a point cloud, or a run. A file of another kind
-/// counts as one, too, and is refused by name where it is read.
+/// Returns whether `target` must be packed first: a point cloud, or a run. A file of another kind counts as one, too,
+/// and is rejected with its name when it is read.
 bool has_to_be_packed(const std::filesystem::path& target) {
     std::error_code ignored;
     if (std::filesystem::is_directory(target, ignored))
@@ -35,8 +35,8 @@ bool has_to_be_packed(const std::filesystem::path& target) {
     return is_point_cloud(target);
 }
 
-/// Returns the path of what a browser is to open: the viewer's page, or the scene of an export without the viewer.
-/// Throws UsageError for what is no folder, DataError for a folder that holds neither.
+/// Returns the path to open in a browser, relative to the folder: the viewer's page, or the scene of an export without
+/// the viewer. Throws UsageError if `folder` is not a folder, DataError if it contains neither.
 std::string page_of(const std::filesystem::path& folder) {
     std::error_code ignored;
     if (!std::filesystem::is_directory(folder, ignored))
@@ -63,7 +63,7 @@ void print_address(const std::string& address) {
     std::fflush(stdout);
 }
 
-/// Serves until Ctrl-C, which is the way to end it: exit code 0.
+/// Serves until Ctrl-C, the normal way to end it: exit code 0.
 void run_view(const ViewArguments& arguments) {
     require_model_file(arguments.target);
     if (has_to_be_packed(arguments.target)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The thresholds and comparisons that turn measurements into a verdict, and the sentences and the JSON about it.
+// Thresholds and comparisons that turn measurements into a decision, and its description as text and JSON.
 #include "eval/auto/appearance_choice.h"
 
 #include <fmt/format.h>
@@ -14,23 +14,24 @@
 namespace gs {
 namespace {
 
-/// Images contradict each other where direction, as learnt from some, adds more than this to the error of others, and
-/// more than half of what it takes off theirs. Measured: builtin:moved -0.42 (0.09 taken off the others),
-/// builtin:shadow -0.08 (0.03); builtin:polished -0.01 (0.06), diffuse 0.01, glossy 0.07, exposure 0.09, lego 0.13.
+/// Images contradict each other if view dependence, learnt from some images, adds more than this share to the error of
+/// others, and more than half of the share that it removes from theirs. Measured: builtin:moved -0.42 (0.09 removed
+/// from theirs), builtin:shadow -0.08 (0.03); builtin:polished -0.01 (0.06), diffuse 0.01, glossy 0.07, exposure 0.09,
+/// lego 0.13.
 constexpr double kNotableHarm = 0.03;
-/// The share of an affine map of colours from which images count as differently exposed: builtin:exposure 0.68, all
-/// others up to 0.16, which short trainings leave.
+/// Share of an affine colour map above which images count as differently exposed: builtin:exposure has 0.68, all other
+/// scenes up to 0.16, which short trainings leave.
 constexpr double kNotablePhotometric = 0.3;
 
-/// Returns the model to train where trials would be too short: sv does best on most scenes, but sh where all cameras
-/// look nearly the same way (docs/lab/limits.md#auto-under-a-limit).
+/// Returns the model to train if trials would be too short: sv is best on most scenes, but sh if all cameras look in
+/// nearly the same direction (docs/lab/limits.md#auto-under-a-limit).
 const char* untold_model(bool one_sided) { return one_sided ? "sh" : "sv"; }
 
 bool worked(const AppearanceTrial& trial) { return std::isfinite(trial.psnr); }
 
 using Json = nlohmann::ordered_json;
 
-/// A cause of errors in one word for programs, and in some for people.
+/// A cause of errors as one word for programs, and as text for readers.
 struct CauseText {
     const char *name, *words;
 };
@@ -53,7 +54,7 @@ CauseText cause_text(RemainingError error) {
             "detail that a short training does not reach; less of it depends on the direction than is allowed"};
 }
 
-/// The shares of the squared error without view dependence.
+/// Shares of the squared error without view dependence.
 struct Explained {
     double direction, direction_held_out, photometric, neither;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The search: a smaller scene without the views held out, a training without view dependence, trials, the report.
+// Runs the search: a smaller scene without the held-out views, a training without view dependence, trials, the report.
 #include "eval/auto/find_appearance.h"
 
 #include <algorithm>
@@ -26,27 +26,27 @@
 namespace gs {
 namespace {
 
-/// Wider images are made smaller, and cap_max in proportion to their pixels: models part sooner, in a fraction of the
-/// time. (On lego sv, its best model, led sh by 0.22 dB after 2000 and 2000 iterations at 400 pixels, and by 0.07 after
-/// 3000 and 1500 at 800 pixels with three times the Gaussians.)
+/// Width in pixels to which wider images are reduced, with cap_max in proportion to their pixels: differences between
+/// models appear sooner, in a fraction of the time. (On lego sv, its best model, led sh by 0.22 dB after 2000 and 2000
+/// iterations at 400 pixels, and by 0.07 after 3000 and 1500 at 800 pixels with three times the Gaussians.)
 constexpr int kStageWidth = 400;
-/// The shares of options.iterations: the length of the training without view dependence that all trials begin from, and
-/// of each trial.
+/// Shares of options.iterations for the training without view dependence, from which all trials start, and for each
+/// trial.
 constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
-/// The largest share of the time of the following run that the measurements may take; and that of a time limit.
+/// Largest share of the following run's time for the measurements, and their share of a time limit.
 constexpr double kTimeShare = 0.5, kLimitShare = 0.1;
-/// The time of a step over that of a frame of the first Gaussians, with what else is measured and room for growth.
+/// Ratio of a step's time to a frame's time for the first Gaussians, including other measurements and room for growth.
 constexpr double kStepPerFrame = 4.5;
 
 std::int64_t iterations_of(const TrainOptions& options, double share) {
     return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
 }
 
-/// The length of the cameras' mean axis above which they look nearly the same way, as in forward-facing scenes. fern's
-/// has 0.994, lego's 0.57, and that of cameras within 20 degrees of one axis 0.97.
+/// Length of the cameras' mean axis above which they look in nearly the same direction, as in forward-facing scenes.
+/// fern's is 0.994, lego's 0.57, and that of cameras within 20 degrees of one axis 0.97.
 constexpr double kOneSided = 0.98;
 
-/// A smaller scene without the views held out.
+/// A smaller scene without the held-out views.
 struct Stage {
     Scene scene;
     std::vector<View> held_out;
@@ -54,7 +54,7 @@ struct Stage {
     double pixels = 1;  ///< share of the pixels of the scene's images
 };
 
-/// Returns the name of the model whose Gaussians show one colour in every direction.
+/// Returns the name of the model whose Gaussians have the same colour in every direction.
 std::string plain_model() { return plain_sh_appearance(0).model; }
 
 Stage make_stage(const TrainOptions& options, const Scene& scene) {
@@ -71,7 +71,7 @@ Stage make_stage(const TrainOptions& options, const Scene& scene) {
     stage.options.appearance = plain_model();
     stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
     if (options.ppisp == PpispMode::kAuto)
-        stage.options.ppisp = PpispMode::kOn;  // harmless where images do not differ, and there is no time to find out
+        stage.options.ppisp = PpispMode::kOn;  // harmless if images do not differ; there is no time to find out
     return stage;
 }
 
@@ -79,7 +79,7 @@ std::int64_t bytes_of(const AppearanceSpec& spec) {
     return std::int64_t(sizeof(float)) * (group_width(Group::kBase, spec) + group_width(Group::kResidual, spec));
 }
 
-/// Returns the models to try, from the fewest bytes on; `none` first.
+/// Returns the models to try, in ascending order of bytes; `none` first.
 std::vector<AppearanceSpec> candidates(TrainOptions options) {
     std::vector<AppearanceSpec> specs;
     for (const ModelInfo* model : appearance_models()) {
@@ -98,8 +98,8 @@ struct Trials {
     std::vector<std::string> unfinished;
 };
 
-/// Returns how many times as long an iteration of the run takes as one of a trial, for its pixels and Gaussians. The
-/// estimate stays below what was seen on a GPU, where much of an iteration does not depend on them: 1.7 on
+/// Returns the estimated ratio of the time of an iteration of the run to that of a trial, from their pixels and
+/// Gaussians. The estimate is below measurements on a GPU, where much of an iteration does not depend on these: 1.7 on
 /// builtin:glossy (measured 1.9), 1.9 on lego (2.2).
 double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussians) {
     const double growth =
@@ -107,8 +107,8 @@ double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussi
     return std::pow(std::max(1.0, growth) / stage.pixels, 0.25);
 }
 
-/// Returns how many iterations each training of the stage may have within `seconds`, judged by frames of its first
-/// Gaussians.
+/// Returns the number of iterations that each training of the stage can have within `seconds`, estimated from frames of
+/// its first Gaussians.
 std::int64_t affordable_iterations(const Stage& stage, double seconds) {
     const AppearanceSpec plain = appearance_spec(stage.options);
     const auto backend = make_backend(stage.options.device, plain, engine_options(stage.options));
@@ -117,14 +117,14 @@ std::int64_t affordable_iterations(const Stage& stage, double seconds) {
     return std::int64_t(seconds / (step * double(1 + candidates(stage.options).size())));
 }
 
-/// When the measurements have to end, on the clock of seconds_now().
+/// End of the measurements, on the clock of seconds_now().
 struct Deadline {
     double start = 0;
-    double limit = 0;   ///< the time under a limit, seconds; 0 = none
-    double slower = 1;  ///< how many times as long an iteration of the run takes as one of a trial
+    double limit = 0;   ///< time allowed by a time limit, seconds; 0 = no limit
+    double slower = 1;  ///< ratio of the run's time per iteration to a trial's
 
-    /// Returns the seconds left, given the run's iterations and the time of one in the trial of the model chosen so
-    /// far. Without a limit, and without a trial, they are unlimited: there is nothing to choose from then.
+    /// Returns the seconds left, given the run's iterations and the time per iteration in the trial of the model chosen
+    /// so far. Without a limit and without a trial the time is unlimited, because there is nothing to choose from yet.
     double left(std::int64_t iterations, std::optional<double> iteration) const {
         if (limit > 0) return start + limit - seconds_now();
         if (!iteration) return std::numeric_limits<double>::infinity();
@@ -132,13 +132,13 @@ struct Deadline {
     }
 };
 
-/// Trains and measures until all models had their trial or the time is up.
+/// Trains and measures until all models have had their trial or the time is up.
 Trials run_trials(TrialTraining& trial, const Gaussians& begun, const Stage& stage,
                   const std::vector<Photograph>& held_out, const Deadline& deadline) {
     const TrainOptions& options = stage.options;
     const std::int64_t iterations = iterations_of(options, kTrialShare);
     Trials trials;
-    double last = 0;  // seconds that the previous trial took
+    double last = 0;  // duration of the previous trial, s
     for (const AppearanceSpec& spec : candidates(options)) {
         const double trial_start = seconds_now();
         std::optional<double> iteration;
@@ -151,7 +151,7 @@ Trials run_trials(TrialTraining& trial, const Gaussians& begun, const Stage& sta
             trials.unfinished.push_back(spec.model);
             continue;
         }
-        // Held-out views have no exposure of their own: what the correction will take care of is not counted.
+        // Held-out views have no exposure of their own: errors that the correction will remove are not counted.
         const double psnr = mean_psnr(*r->backend, held_out, trial.background(), options.ppisp == PpispMode::kOn);
         trials.finished.push_back({spec.model, bytes_of(spec), r->seconds / double(iterations), psnr});
         last = seconds_now() - trial_start;

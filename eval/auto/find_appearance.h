@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `--appearance auto`: measures by short trainings on part of the training views, compared on the rest; decides;
-// describes.
+// `--appearance auto`: measures models by short trainings on part of the training views, compares them on the rest,
+// chooses one and describes the choice.
 #pragma once
 
 #include <string>
@@ -12,29 +12,30 @@
 namespace gs {
 
 /// Holds out every 8th training view, makes images at most 400 pixels wide and options.cap_max smaller in proportion,
-/// and trains `none` for a fifteenth of options.iterations. Measures what its errors consist of (residual_parts). Where
-/// needs_trials says so, goes on from there with each model of the registry that is no variant. Test views are not
-/// looked at. Takes at most half as long as the run that would follow, as far as a trial's iterations tell: a trial
-/// that would exceed this, or does, has no result and is unfinished. (What comes before the trials, and the first of
-/// them, always ends.) With options.time_limit all of this has a tenth of it, and the first trial need not end.
-/// Measures nothing if trials would have fewer than kFewestTrialIterations. The same options and seed give the same
-/// measurements, but for times, unless time ran out. Without `with_trials` it ends before these. Throws what training
-/// throws.
+/// and trains `none` for a fifteenth of options.iterations. Measures the composition of its errors (residual_parts). If
+/// needs_trials holds, continues from there with each model of the registry that is not a variant. Test views are not
+/// used. Takes at most half as long as the run that would follow, as estimated from a trial's iterations: a trial that
+/// would exceed this limit, or does, has no result and is listed as unfinished. (The steps before the trials, and the
+/// first trial, always complete.) With options.time_limit all measurements have a tenth of it, and the first trial need
+/// not complete. Measures nothing if trials would have fewer than kFewestTrialIterations. The same options and seed
+/// give the same measurements, except for times, unless time ran out. Without `with_trials` it ends before the trials.
+/// Throws the errors of the training.
 AppearanceMeasurements measure_appearances(const TrainOptions& options, const Scene& scene, bool with_trials = true);
 
-/// Measures models on the scene (measure_appearances), decides for one (decide_appearance, with options.auto_tolerance)
-/// and says why (describe_appearance). Test views are not looked at. The same options and seed give the same choice
-/// unless time ran out. Throws what training throws.
+/// Measures models on the scene (measure_appearances), chooses one (decide_appearance, with options.auto_tolerance) and
+/// explains the choice (describe_appearance). Test views are not used. The same options and seed give the same choice
+/// unless time ran out. Throws the errors of the training.
 AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene);
 
-/// Whether a model with residuals is of use to a scene.
+/// Whether a scene benefits from a model with residuals.
 struct DirectionTest {
-    bool explains_nothing = false;  ///< less than options.auto_tolerance of what a model without residuals leaves
-    std::string obstacle;           ///< why that could not be measured; empty if it was
+    /// Whether direction explains less than options.auto_tolerance, dB, of the error of a model without residuals.
+    bool explains_nothing = false;
+    std::string obstacle;  ///< reason for a missing measurement; empty if measured
 };
 
-/// Measures on held-out training views what direction explains. It takes the first part of find_appearance, before the
-/// trials. Throws what training throws.
+/// Measures on held-out training views how much of the error direction explains. Runs the first part of
+/// find_appearance, before the trials. Throws the errors of the training.
 DirectionTest test_direction(const TrainOptions& options, const Scene& scene);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loads photographs at the pixels that count, and compares renders with them.
+// Loads the pixels of photographs that count, and compares renders with them.
 #include "eval/auto/photograph.h"
 
 #include <algorithm>
@@ -14,10 +14,10 @@
 namespace gs {
 namespace {
 
-/// The mask value from which a pixel counts.
+/// Smallest mask value for which a pixel counts.
 constexpr int kCounts = 128;
-/// The mean squared difference of colours to their 8 bits. Differences below it say nothing, and none at all, as in a
-/// view past everything, would outweigh the other photographs of a mean.
+/// Mean squared error from rounding colours to 8 bits. Smaller differences are meaningless, and a difference of zero,
+/// as in a view of empty space, would outweigh the other photographs in a mean.
 constexpr double kRounding = 1.0 / (12 * 255 * 255);
 
 Photograph photograph_of(const View& view, const ViewImage& image, const Vec3<float>& background) {

@@ -17,15 +17,15 @@
 namespace gs {
 namespace {
 
-/// The side of a voxel, pixels at the middle distance; small voxels catch noise of unresolved detail, large ones miss
-/// small highlights.
+/// Side of a voxel, in pixels at the median distance; smaller voxels pick up noise of unresolved detail, larger ones
+/// miss small highlights.
 constexpr double kVoxelPixels = 16;
 constexpr int kDegree = 3, kTerms = (kDegree + 1) * (kDegree + 1);
-/// The weight of small coefficients against the data, which keeps predictions beyond a voxel's directions tame. From
-/// 0.005 to 0.07 the share of direction of builtin:diffuse stays below a fourth of that of polished, glossy, moved and
-/// lego.
+/// Weight of the penalty on coefficients relative to the data, which limits predictions outside a voxel's directions.
+/// From 0.005 to 0.07 the direction share of builtin:diffuse stays below a fourth of that of polished, glossy, moved
+/// and lego.
 constexpr double kRidge = 0.025;
-/// Fewer photographs of a voxel say nothing about directions.
+/// Fewest photographs of a voxel that reveal a dependence on direction.
 constexpr int kFewestPhotographs = 4;
 
 using Basis = Eigen::Matrix<double, kTerms, 1>;
@@ -39,8 +39,8 @@ Basis basis(const Eigen::Vector3d& direction) {
     return y;
 }
 
-/// Maps all space into the ball of radius 2 about the middle of the Gaussians; the ball through the middle camera has
-/// radius 1.
+/// Maps all of space into the ball of radius 2 around the middle of the Gaussians; a camera at the median distance is
+/// mapped to radius 1.
 struct Frame {
     Eigen::Vector3d center;
     double radius = 1;
@@ -58,15 +58,15 @@ struct Frame {
     }
 };
 
-/// What one photograph shows of one voxel.
+/// The observations of one voxel in one photograph.
 struct Sample {
     double pixels = 0;
     Eigen::Vector3d residual = Eigen::Vector3d::Zero(),
-                    direction = Eigen::Vector3d::Zero();  ///< means, the latter of unit length
+                    direction = Eigen::Vector3d::Zero();  ///< means; the direction has unit length
 };
 using Samples = std::unordered_map<std::uint64_t, Sample>;
 
-/// A photograph's samples and squared errors before and after the alignment of its colours, all sums over pixels.
+/// A photograph's samples and its squared errors before and after colour alignment, all sums over pixels.
 struct Measured {
     Samples samples;
     double error = 0, aligned_error = 0;
@@ -78,7 +78,7 @@ class Measurement {
                 const Vec3<float>& background)
         : plain_(plain), positions_(positions), background_(background) {
         Gaussians g = plain.download(false);
-        g.ppisp = {};  // would change places as it does colours
+        g.ppisp = {};  // would alter encoded positions as it does colours
         g.appearance = plain_sh_appearance(0);
         const Frame frame(g, photographs);
         for (std::int64_t i = 0; i < g.count; ++i) {
@@ -86,7 +86,7 @@ class Measurement {
             const float* mean = g[Group::kMean].param.data() + 3 * i;
             const Eigen::Vector3d p = frame(Eigen::Vector3f(mean[0], mean[1], mean[2]).cast<double>());
             for (int axis = 0; axis < 3; ++axis)
-                base[axis] = float(p[axis] / kSide);  // shown with a half added: in [0,1]
+                base[axis] = float(p[axis] / kSide);  // 1/2 is added on display, giving [0,1]
         }
         positions.upload(g);
         std::vector<double> focal_lengths;
@@ -134,12 +134,12 @@ class Measurement {
 };
 
 /// A least-squares fit over the photographs of one voxel, of the mean alone and of all terms. A real scene has a
-/// hundred thousand: `solve` leaves results in the place of what it needed.
+/// hundred thousand voxels, so `solve` overwrites the inputs with the results.
 struct Voxel {
     int photographs = 0;
     double pixels = 0;
     Eigen::Vector3d mean;
-    Normal normal = Normal::Zero();                    ///< solved: its inverse, with the ridge
+    Normal normal = Normal::Zero();                    ///< once solved: its inverse, with the ridge
     Coefficients coefficients = Coefficients::Zero();  ///< until solved: the right-hand side
 
     void add(const Sample& sample, const Basis& y) {
@@ -157,7 +157,7 @@ struct Voxel {
     Eigen::Vector3d all(const Basis& y) const { return coefficients.transpose() * y; }
 };
 
-/// The squared error that direction takes off a sample: how far the mean alone is off, and all terms.
+/// Returns the squared error that direction removes from a sample: the error of the mean alone minus that of all terms.
 double explained_error(const Sample& sample, const Eigen::Vector3d& mean_off, const Eigen::Vector3d& all_off) {
     return sample.pixels * (mean_off.squaredNorm() - all_off.squaredNorm());
 }
@@ -189,7 +189,7 @@ ResidualParts residual_parts(Backend& plain, Backend& positions, const std::vect
             const Basis y = basis(sample.direction);
             const double mean_leverage = sample.pixels / voxel.pixels,
                          leverage = sample.pixels * y.dot(voxel.normal * y);
-            if (mean_leverage > 0.5) continue;  // without it there is next to nothing to predict it from
+            if (mean_leverage > 0.5) continue;  // without it, too little data is left to predict it
             seen_explained += explained_error(sample, (sample.residual - voxel.mean) / (1 - mean_leverage),
                                               (sample.residual - voxel.all(y)) / (1 - leverage));
         }

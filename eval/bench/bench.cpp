@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Times steps and frames over decoded views, and writes the measurements as text and as JSON.
+// Times steps and frames over decoded views, and writes the measurements as text and JSON.
 #include "eval/bench/bench.h"
 
 #include <fmt/format.h>
@@ -21,7 +21,7 @@
 namespace gs {
 namespace {
 
-/// The most views that are used: enough to average over, few enough that their images fit every memory.
+/// Largest number of views: enough to average over, few enough for their images to fit in memory.
 constexpr std::size_t kMaxViews = 64;
 
 /// Takes training steps over decoded views, one after another.
@@ -33,7 +33,7 @@ class Steps {
           background_(options.background.color) {
         const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
         for (std::size_t k = 0; k < used; ++k) {
-            views_.push_back(k * all / used);  // spreads them over the scene
+            views_.push_back(k * all / used);  // spread over the scene
             images_.push_back(std::make_shared<const ViewImage>(scene.train[views_.back()].load()));
         }
         for (std::size_t k = 0; k < std::max<std::size_t>(2, used); ++k) step();
@@ -47,7 +47,7 @@ class Steps {
         ++iteration_;
     }
 
-    /// Returns the mean seconds of `count` steps from the first view on, of which only the last is waited for.
+    /// Returns the mean time of `count` consecutive steps from the first view on, s, waiting only for the last step.
     double in_a_row(int count) {
         next_ = 0;
         const double start = seconds_now();
@@ -56,7 +56,7 @@ class Steps {
         return (seconds_now() - start) / count;
     }
 
-    /// Returns the median seconds of `count` steps that are each waited for.
+    /// Returns the median time of `count` steps, s, waiting for each.
     double median_alone(int count) {
         std::vector<double> times;
         for (int k = 0; k < count; ++k) {
@@ -83,7 +83,7 @@ class Steps {
 std::vector<StageCost> measure_stages(Backend& backend, Steps& steps, int repeat) {
     for (int pass = 0; pass < backend.stage_passes(); ++pass) {
         backend.measure_stages(pass);
-        if (pass == 0) {  // a device may have to prepare for the marks
+        if (pass == 0) {  // a device may have to prepare its timing marks
             steps.step();
             backend.synchronize();
             backend.measure_stages(pass);
@@ -121,7 +121,7 @@ std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, con
 
 using Json = nlohmann::ordered_json;
 
-/// A stage that takes longer than this many floors needs a reason.
+/// Number of floors above which a stage needs a reason.
 constexpr double kWellAboveFloor = 3;
 
 TextTable frame_table(const BenchResult& r) {
@@ -147,7 +147,7 @@ std::string iteration_lines(const BenchResult& r) {
     return out;
 }
 
-/// The least times of a stage, in seconds.
+/// Lower bounds on a stage's time, in seconds.
 struct Floor {
     double copy, fma;
     double seconds() const { return std::max(copy, fma); }
@@ -158,7 +158,7 @@ Floor floor_of(const StageCost& s, const Ceilings& ceilings) {
     return {s.bytes / ceilings.copy_bytes_per_second, s.operations / ceilings.operations_per_second};
 }
 
-/// Returns the table of stages, with the reasons for long ones below it.
+/// Returns the table of stages, with the reasons for slow ones below it.
 std::string stage_text(const char* title, const std::vector<StageCost>& stages, const Ceilings& ceilings,
                        TableStyle style) {
     TextTable table{

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws Gaussians on the surfaces of spheres with cameras around them, and puts together what is measured and on which
-// backend.
+// Generates Gaussians on the surfaces of spheres and cameras around them, and combines subjects and backends into
+// measurements.
 #include "eval/bench/bench_cases.h"
 
 #include <fmt/format.h>
@@ -27,7 +27,8 @@ using Eigen::Vector3d;
 
 constexpr int kNumSpheres = 16;
 constexpr int kNumCameras = 8;
-/// The distance (world units) and focal length (px) with which the ball fills the image's height and most of its width.
+/// Camera distance (world units) and focal length (px) at which the ball fills the image's height and most of its
+/// width.
 constexpr double kDistance = 1.9, kFocal = 800;
 
 /// Draws the random numbers of one Gaussian, four at a time.
@@ -65,7 +66,8 @@ std::array<Sphere, kNumSpheres> spheres(std::uint64_t seed) {
     std::array<Sphere, kNumSpheres> out;
     for (int k = 0; k < kNumSpheres; ++k) {
         const auto u =
-            Draw(seed, (std::uint64_t(1) << 40) + std::uint64_t(k)).uniforms();  // beyond the Gaussians' indices
+            // The indices lie beyond those of the Gaussians.
+            Draw(seed, (std::uint64_t(1) << 40) + std::uint64_t(k)).uniforms();
         out[std::size_t(k)] = {0.7 * std::cbrt(u[2]) * direction(u[0], u[1]), 0.1 + 0.2 * u[3]};
     }
     return out;
@@ -95,7 +97,7 @@ Gaussians generated_gaussians(std::int64_t count, std::uint64_t seed, const Appe
     g.shared.width = model.num_shared;
     g.shared.param.resize(std::size_t(model.num_shared));
     if (model.num_shared > 0) model.init_shared(seed, g.shared.param.data());
-    for (float& w : g.shared.param) w = w == 0 ? 0.1f : w;  // an output layer that starts at 0 would show nothing
+    for (float& w : g.shared.param) w = w == 0 ? 0.1f : w;  // an output layer that starts at 0 would have no effect
     const double log_scale = std::log(0.5 / std::cbrt(double(count)));
     parallel_for_rows(count, [&](std::int64_t i) {
         Draw draw(seed, std::uint64_t(i));

@@ -13,30 +13,29 @@
 
 namespace gs {
 
-/// Returns `count` Gaussians in and near the unit ball; each is a function of (seed, index) alone. 85 % lie within
-/// 0.005 of the surfaces of sixteen spheres, the others anywhere in the ball. Scales are 0.5 count^(-1/3) times a
-/// lognormal for each axis. Half of the Gaussians are mostly transparent, half mostly opaque. Rotations are uniform.
-/// Residuals are the model's initial values plus normals of 0.05. All degrees are active.
+/// Returns `count` Gaussians in and near the unit ball; each depends only on (seed, index). 85 % lie within 0.005 of
+/// the surfaces of sixteen spheres, the others anywhere in the ball. Scales are 0.5 count^(-1/3) times a lognormal
+/// factor per axis. Half of the Gaussians are mostly transparent, half mostly opaque. Rotations are uniform. Residuals
+/// are the model's initial values plus normal noise of deviation 0.05. All degrees are active.
 Gaussians generated_gaussians(std::int64_t count, std::uint64_t seed, const AppearanceSpec& appearance);
 
 /// Returns eight cameras of 1280x720 pixels around the ball.
 std::vector<Camera> generated_cameras();
 
-/// Returns a scene of training views from these cameras. Their images are 8-bit renders of the model that `backend`
-/// holds.
+/// Returns a scene of training views from the generated cameras. Their images are 8-bit renders of the model that
+/// `backend` holds.
 Scene generated_scene(Backend& backend, const Vec3<float>& background);
 
-/// Returns how often things are measured on `device`; 0 leaves a number to the device. A GPU needs many short steps for
-/// one good number, and on the CPU the same number of steps would take minutes.
+/// Returns the numbers of repetitions on `device`; 0 means the device's default. A GPU needs many short steps for one
+/// reliable number; on the CPU the same number of steps would take minutes.
 BenchOptions bench_options(Device device, int repeat, int frame_repeat);
 
-/// Runs run_bench. With `compare_deterministic` also times iterations with the other setting of --deterministic, on a
-/// backend of its own.
+/// Calls run_bench. With `compare_deterministic` also times iterations with the opposite setting of --deterministic, on
+/// a separate backend.
 BenchResult bench_model(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
                         const BenchOptions& bench, bool compare_deterministic);
 
-/// Measures a generated set of `count` Gaussians as bench_model does. `backend` is of the
-/// options' appearance.
+/// Measures a generated set of `count` Gaussians as bench_model does. `backend` must have the appearance of `options`.
 BenchResult bench_generated(Backend& backend, const TrainOptions& options, std::int64_t count,
                             const BenchOptions& bench, bool compare_deterministic);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Follows the frame time protocol and makes its table.
+// Implements the frame time protocol and its table.
 #include "eval/bench/frame_times.h"
 
 #include <fmt/format.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The options that each level sets, and frames of every precision, timed and compared with the reference in double.
+// Defines the levels, and compares frames of each level with the reference in double.
 #include "eval/bench/precision.h"
 
 #include <fmt/format.h>
@@ -20,7 +20,7 @@
 namespace gs {
 namespace {
 
-/// The most views that errors are measured on; the reference takes seconds for each.
+/// Largest number of views for error measurements; the reference takes seconds per view.
 constexpr std::size_t kViews = 4;
 
 struct ReferenceView {

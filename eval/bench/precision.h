@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Named settings of accuracy and speed, the cost of each precision, and the distance of its frames from those in
+// Named levels of accuracy and speed. Measures the cost of each level, and the error of its frames against frames in
 // double.
 #pragma once
 
@@ -17,34 +17,34 @@ namespace gs {
 struct PrecisionLevel {
     std::string name;
     bool gpu_only;
-    void (*apply)(TrainOptions&);  ///< changes options whose precision is the default
+    void (*apply)(TrainOptions&);  ///< changes the options that still have the default precision
 };
 
 /// Returns all levels; the first one is the default.
 const std::vector<PrecisionLevel>& precision_levels();
 
-/// Returns the level of that name. Throws UsageError naming the known ones for another name.
+/// Returns the level with this name. Throws UsageError listing the known names for any other name.
 const PrecisionLevel& precision_level(const std::string& name);
 
 /// The measurements of one level.
 struct PrecisionRow {
     std::string name;  ///< name of the level
     double frame_seconds = 0, iteration_seconds = 0;
-    std::optional<double> model_bytes = {};    ///< parameters and moments per Gaussian in a GPU's memory
-    double mean_error = 0, largest_error = 0;  ///< errors of channels clamped to [0,1], in steps of 1/255
-    double psnr = 0;                           ///< dB, frames against those in double; infinite if none differs
+    std::optional<double> model_bytes = {};    ///< parameters and moments per Gaussian in GPU memory
+    double mean_error = 0, largest_error = 0;  ///< errors of channels clamped to [0,1], in units of 1/255
+    double psnr = 0;                           ///< dB, against frames in double; infinite if all are equal
 };
 
 /// Measures `model` on the scene at every level that the device of `options` supports, one level after another. Frames
-/// of the test views (of the training views if there are none) and iterations are timed as run_bench does; errors
-/// are measured on up to four of those views.
+/// of the test views (of the training views if there are none) and iterations are timed as in run_bench; errors are
+/// measured on up to four of those views.
 std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const Scene& scene, const Gaussians& model,
                                             const BenchOptions& bench);
 
 /// Returns a table with times in milliseconds.
 TextTable precision_table(const std::vector<PrecisionRow>& rows);
 
-/// Returns the same as JSON, with the name of what was measured and times in seconds; null for an infinite PSNR.
+/// Returns the rows as JSON, with the name of the measured subject and times in seconds; null for an infinite PSNR.
 std::string precision_json(const std::string& subject, const std::vector<PrecisionRow>& rows);
 
 }  // namespace gs

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes steps on several views of a generated set, between two reports of all ranks, and writes the measurements as
-// tables and as JSON.
+// Runs steps on several views of a generated set, between two reports of all ranks, and writes the measurements as
+// tables and JSON.
 #include "eval/bench/ranked_bench.h"
 
 #include <fmt/format.h>
@@ -20,14 +20,14 @@
 namespace gs {
 namespace {
 
-/// Steps before the clock starts, in which memory is taken and connections find their speed.
+/// Warm-up steps, in which memory is allocated and connections reach their full speed.
 constexpr int kFirstSteps = 3;
 
 using OrderedJson = nlohmann::ordered_json;
 
 constexpr double kMega = 1e6;
 
-/// Returns the share of its steps that a rank spent in exchanges.
+/// Returns the share of its step time that a rank spent in exchanges.
 double exchange_share(const RankReport& rank) {
     return rank.costs.seconds > 0 ? rank.costs.traffic.seconds / rank.costs.seconds : 0;
 }
@@ -144,7 +144,7 @@ RankedBenchResult bench_ranks(RankGroup* group, const TrainOptions& options, std
     const auto backend = make_backend(options.device, appearance, engine_options(options), group, views);
     result.device = backend->describe();
     backend->upload(model);
-    model = {};  // so that rank 0 holds what it holds in a training
+    model = {};  // so that rank 0 holds the same memory as in a training
     const StepComposer composer(options, appearance, scene, nullptr, kFrozenRates);
     std::int64_t iteration = 0;
     const auto step = [&] {

@@ -26,7 +26,7 @@ StabilityRow row(const std::string& activation, std::string kind) {
     return r;
 }
 
-/// Returns the values of the sweep, those around the corners of relu and hardsigmoid, and those where the smooth
+/// Returns the values of the sweep, values around the corners of relu and hardsigmoid, and values at which the smooth
 /// activations saturate.
 std::vector<float> pre_activations() {
     std::vector<float> y(stability_sweep().begin(), stability_sweep().end());

@@ -17,21 +17,21 @@ namespace {
 using Real = long double;
 using Results = StabilitySubject::Results;
 
-/// The relative change of an input by rounding: half a spacing of float.
+/// Relative change of an input by rounding: half a spacing of float.
 constexpr Real kRounding = 0x1p-24L;
-/// The floor of both scales: below it products of a few factors underflow in float.
+/// Floor of both scales: below it, products of a few factors underflow in float.
 constexpr Real kFloor = 1e-30L;
-/// A value counts for the relative error if its scale is this many times the change by one rounding of the inputs.
+/// Smallest ratio of a value's scale to its change by one rounding of the inputs for which the relative error counts.
 constexpr Real kDetermined = 1000;
-/// The number of perturbations: enough to come close to the worst one of a few inputs, cheap enough for 1e5 cases.
+/// Number of perturbations: enough to approach the worst case for a few inputs, cheap enough for 1e5 cases.
 constexpr int kPerturbations = 8;
 
 template <class T> StabilityInputs<T> widened(const StabilityInputs<float>& in) {
     return {{in.numbers.begin(), in.numbers.end()}, in.view};
 }
 
-/// Moves every number by one rounding. The first two samples move all numbers one way, so that a limit of any one
-/// parameter is crossed.
+/// Moves every number by one rounding. The first two samples move all numbers in one direction, so that a limit of any
+/// single parameter is crossed.
 StabilityInputs<Real> perturbed(StabilityInputs<Real> in, int sample, std::mt19937& signs) {
     const auto turn = [&] { return sample == 0 || (sample > 1 && signs() % 2) ? kRounding : -kRounding; };
     Real length = 0;
@@ -64,7 +64,7 @@ Results group_maxima(const Results& values, const std::vector<int>& groups) {
     return out;
 }
 
-/// Returns the spacing of numbers with `digits` binary digits at x.
+/// Returns the spacing at x of floating-point numbers with `digits` binary digits.
 Real spacing(Real x, int digits) { return std::ldexp(Real(1), std::ilogb(x) + 1 - digits); }
 
 }  // namespace

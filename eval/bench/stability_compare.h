@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Evaluates one case in three precisions and compares the results for a row of the stability table.
+// Evaluates one case in three precisions and adds the comparison to a row of the stability table.
 #pragma once
 
 #include <functional>
@@ -9,13 +9,14 @@
 
 namespace gs {
 
-/// The inputs of a measured function. The 3 numbers from index `view` on form one vector (-1: no vector).
+/// Inputs of a measured function. The 3 numbers from index `view` on form one vector (-1: no vector).
 template <class T> struct StabilityInputs {
     std::vector<T> numbers;
     int view = -1;
 };
 
-/// A function of numbers in float, double and long double. Its results are widened, so that one comparison serves all.
+/// A function of numbers in float, double and long double. Its results are widened, so that one comparison serves all
+/// precisions.
 struct StabilitySubject {
     using Results = std::vector<long double>;
     std::function<Results(const StabilityInputs<float>&)> in_float;
@@ -30,14 +31,14 @@ struct StabilitySubject {
 StabilitySubject::Results compare_case(const StabilitySubject& subject, const StabilityInputs<float>& inputs,
                                        StabilityRow& row);
 
-/// Returns the values that every raw parameter is swept over: 0, and with both signs the smallest float, the smallest
-/// normal one, the decades 1e-6 ... 1e4, 1e10, 1e30 and the largest one.
+/// Returns the values for the sweep of each raw parameter: 0, and with both signs the smallest float, the smallest
+/// normal float, the decades 1e-6 ... 1e4, 1e10, 1e30 and the largest float.
 std::span<const float> stability_sweep();
 
 /// Returns "a at -max, b at +max".
 std::string ends_text(double at_lowest, double at_highest);
 
-/// Sweeps the named models in the order of the registry. Names that are not registered are ignored.
+/// Sweeps the named models in the order of the registry. Unregistered names are ignored.
 std::vector<StabilityRow> measure_model_stability(const std::vector<std::string>& models);
 /// Sweeps every colour activation: value and slope, then the inverse.
 std::vector<StabilityRow> measure_activation_stability();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures residual, colour and all gradients of every registered model while one kind of input is swept at a time.
+// Measures residual, colour and all gradients of every registered model while one kind of input at a time is swept.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,17 +24,17 @@ namespace {
 using Results = StabilitySubject::Results;
 
 constexpr float kLargest = std::numeric_limits<float>::max();
-/// The largest value that all columns of a kind take at once. A sum of larger ones would exceed float's range.
+/// Largest value for all columns of a kind at once. The sum of larger values would exceed float's range.
 constexpr float kLargestTogether = 1e30f;
-/// The upper end of the usual gradient of a Gaussian's colour when the loss is a mean over an image.
+/// Upper end of the usual gradient of a Gaussian's colour if the loss is a mean over an image.
 constexpr float kTypicalGradient = 1e-3f;
-/// The allowed relative error of an exact limit. NASG's floor under the exponent of K alone costs 2e-4.
+/// Allowed relative error of an exact limit. NASG's floor under the exponent of K alone costs 2e-4.
 constexpr double kLimitTolerance = 3e-4;
 constexpr const char* kSharedKind = "shared weights";
-/// The minimum number of cases per value, and the number per column.
+/// Minimum number of cases per value, and the number per column.
 constexpr int kTrials = 24, kTrialsPerColumn = 2;
 
-/// The indices of a model's inputs among the numbers of a case.
+/// Indices of a model's inputs among the numbers of a case.
 template <class Model> struct Layout {
     static constexpr int kResidual = 0, kShared = Model::kMaxResidual, kBase = kShared + kNumSharedOf<Model>,
                          kView = kBase + 3, kGradient = kView + 3, kCount = kGradient + 3;
@@ -44,12 +44,12 @@ template <class T> Vec3<T> vec3(const T* p) { return {p[0], p[1], p[2]}; }
 template <class T> void append(Results& out, const Vec3<T>& v) { out.insert(out.end(), {v.x, v.y, v.z}); }
 
 /// Returns residual, colour, then the gradients of residual parameters, shared weights and mean. The colour's gradient
-/// goes straight to the residual, because a saturated activation would leave none to look at.
+/// is passed directly to the residual, because a saturated activation would make all gradients 0.
 template <class Model, class T> Results evaluate(const StabilityInputs<T>& in, ColorActivation activation, int degree) {
     using L = Layout<Model>;
     const T* numbers = in.numbers.data();
     const ViewDirection<T> direction = view_direction(vec3(numbers + L::kView), Vec3<T>{T(0), T(0), T(0)});
-    std::vector<T> dL_dparams(L::kBase);  // of the residual's parameters, then of the shared weights
+    std::vector<T> dL_dparams(L::kBase);  // gradients of the residual's parameters, then of the shared weights
     Vec3<T> dL_ddirection;
     const T *params = numbers, *shared = numbers + L::kShared;
     const Vec3<T> residual = model_residual<Model>(shared, params, direction.unit, degree);
@@ -61,8 +61,8 @@ template <class Model, class T> Results evaluate(const StabilityInputs<T>& in, C
     append(out, activate(activation, y));
     out.insert(out.end(), dL_dparams.begin(), dL_dparams.end());
     append(out, direction_pullback(direction, dL_ddirection));
-    // The rest only gives the scale of the mean's gradient. That is a sum over sites, lobes or bands less its radial
-    // part, and both may cancel.
+    // The remaining results only set the scale of the mean's gradient. That gradient is a sum over sites, lobes or
+    // bands minus its radial part, and both can cancel.
     append(out, dL_ddirection * direction.inverse_distance);
     T largest = T(0);
     for (const T g : dL_dparams) largest = gs_max(largest, gs_abs(g));
@@ -111,7 +111,7 @@ template <class Model> class Sweep {
         return rows_.back();
     }
 
-    /// Returns ordinary values: parameters and weights around 1 and below, seen mostly from 1 to 10 units away.
+    /// Returns ordinary inputs: parameters and weights around 1 and below, viewed mostly from 1 to 10 units away.
     StabilityInputs<float> ordinary() {
         StabilityInputs<float> in{std::vector<float>(L::kCount), L::kView};
         for (int k = 0; k < L::kCount; ++k) in.numbers[k] = normal_(random_) * (k < L::kShared ? 1.0f : 0.3f);
@@ -122,7 +122,7 @@ template <class Model> class Sweep {
     }
 
     Results compare(const StabilityInputs<float>& in, StabilityRow& row) {
-        const auto activation = ColorActivation(row.cases % 4);  // each in turn
+        const auto activation = ColorActivation(row.cases % 4);  // all four in turn
         const auto f = [&]<class T>(const StabilityInputs<T>& inputs) {
             return evaluate<Model>(inputs, activation, info_.max_degree_limit);
         };
@@ -136,16 +136,16 @@ template <class Model> class Sweep {
         sweep(kind, numbers);
     }
 
-    /// Sets one of `numbers` to each value of the sweep, or all of them together with random signs. The rest is
-    /// ordinary.
+    /// Sets one of `numbers` to each value of the sweep, or all of them together with random signs. The other numbers
+    /// are ordinary.
     void sweep(const std::string& kind, const std::vector<int>& numbers) {
         StabilityRow& r = row(kind);
-        // Many weights share a row of a matrix: testing each of 800 twice would tell no more than testing 50.
+        // Many weights share a row of a matrix: testing each of 800 twice would reveal no more than testing 50.
         const int trials = std::clamp(kTrialsPerColumn * int(numbers.size()), kTrials, 100);
         double ends[2] = {};
         for (const float value : stability_sweep()) {
             if (kind == kSharedKind && std::abs(value) > float(kLargestSharedWeight))
-                continue;  // the optimizer's limit
+                continue;  // a limit that the optimizer enforces
             for (int trial = 0; trial < trials; ++trial) {
                 StabilityInputs<float> in = ordinary();
                 if (trial % 2 && std::abs(value) <= kLargestTogether)
@@ -162,7 +162,7 @@ template <class Model> class Sweep {
                                       : ends_text(ends[0], ends[1]);
     }
 
-    /// Sweeps axes, planes, directions a rounding away from them, and distances from the camera centre outwards.
+    /// Sweeps axes, planes, directions one rounding away from them, and distances from the camera centre outwards.
     void sweep_views() {
         StabilityRow& r = row("view");
         const float small[] = {0, 1e-38f, 1e-20f, 1e-8f, 1e-7f, 1e-6f, 1e-3f, 1};

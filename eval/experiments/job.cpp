@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads what a finished run left, and says how a run differs from the one in its folder.
+// Reads the files of a finished run, and describes how options differ from those of the run in their folder.
 #include "eval/experiments/job.h"
 
 #include <fmt/format.h>
@@ -44,7 +44,7 @@ std::string difference_to_run(const TrainOptions& options) {
     if (run.training.empty()) return "";
     auto now = training_options(options);
     now["seed"] = std::to_string(options.seed), run.training["seed"] = std::to_string(run.seed);
-    // The scene first: where it differs, so does more.
+    // Compares the scene first: if it differs, so do other options.
     std::string text = now["source"] != run.training["source"]
                            ? fmt::format("source {}, now {}", run.training["source"], now["source"])
                            : "";

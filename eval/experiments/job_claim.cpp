@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Creates, renews, judges and takes over the files of claims.
+// Creates, renews, checks and takes over claim files.
 #include "eval/experiments/job_claim.h"
 
 #include <fcntl.h>
@@ -28,10 +28,10 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-/// The time after which a process that replaced a file looks whether another did so at the same moment.
+/// Time after which a process that replaced a file checks whether another process did so at the same moment.
 constexpr std::chrono::milliseconds kSettle{500};
 
-/// Returns a name of what process numbers belong to: machines may share a name, and containers a machine.
+/// Returns a name for the scope of process numbers: machines may share a host name, and containers a machine.
 const std::string& machine() {
     static const std::string name = [] {
         char host[HOST_NAME_MAX + 1] = {}, space[64] = {};
@@ -44,13 +44,13 @@ const std::string& machine() {
     return name;
 }
 
-/// Returns what stands in a file that this process creates: machine, process, and a number that is its own.
+/// Returns the owner text of a file that this process creates: machine, process, and a unique number.
 std::string new_owner() {
     static std::atomic<int> count{0};
     return fmt::format("{} {} {}.{}\n", machine(), ::getpid(), Clock::now().time_since_epoch().count(), ++count);
 }
 
-/// Returns the content of a file, which is empty if there is none; nothing if it cannot be read now.
+/// Returns the content of a file, empty if there is none; nothing if it cannot be read at the moment.
 std::optional<std::string> content(const fs::path& file) {
     const int fd = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
     if (fd < 0) return errno == ENOENT ? std::optional(std::string()) : std::nullopt;
@@ -62,16 +62,16 @@ std::optional<std::string> content(const fs::path& file) {
     return size < 0 ? std::nullopt : std::optional(text);
 }
 
-/// Splits a file into its first line, which names the owner, and the note below.
+/// Splits the content of a file into its first line, which names the owner, and the note below.
 std::pair<std::string, std::string> owner_and_note(const std::string& text) {
     const std::size_t end = std::min(text.find('\n'), text.size());
     return {text.substr(0, end), text.substr(std::min(end + 1, text.size()))};
 }
 
-/// The machine of an owner that has given its claim back and left the file.
+/// Machine name in files whose owner has released its claim and left the file.
 constexpr std::string_view kNobody = "nobody";
 
-/// Writes a file that appears under its name with all of its content. It need not survive a crash of the machine.
+/// Writes a file that appears under its name only with its full content. It need not survive a crash of the machine.
 void replace_file(const fs::path& file, const std::string& text) {
     static std::atomic<int> count{0};
     const fs::path temporary = fmt::format("{}.{}.{}", file.string(), ::getpid(), ++count);
@@ -125,7 +125,7 @@ JobClaim::~JobClaim() {
     }
     try {
         replace_file(file_, fmt::format("{} 0\n{}", kNobody, owner_and_note(owner_).second));
-    } catch (const DataError&) {  // others will find that it is no longer renewed
+    } catch (const DataError&) {  // others will see that it is no longer renewed
     }
 }
 
@@ -152,7 +152,7 @@ bool JobClaims::held(const fs::path& file) {
         return false;
     }
     const std::optional<std::string> owner = content(file);
-    if (!owner) return true;  // looked at again later
+    if (!owner) return true;  // checked again later
     const auto now = Clock::now();
     const auto [at, is_new] = seen_.try_emplace(file, Seen{*owner, time, now});
     Seen& seen = at->second;
@@ -164,7 +164,7 @@ std::unique_ptr<JobClaim> JobClaims::take(const fs::path& file) {
     if (held(file)) return nullptr;
     const std::string owner = new_owner();
     std::error_code error;
-    fs::create_directories(file.parent_path(), error);  // if it failed, creating the file says why
+    fs::create_directories(file.parent_path(), error);  // if this failed, creating the file reports why
     const int fd = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd >= 0) {
         const bool written = ::write(fd, owner.data(), owner.size()) == ssize_t(owner.size());
@@ -176,9 +176,9 @@ std::unique_ptr<JobClaim> JobClaims::take(const fs::path& file) {
     } else if (errno != EEXIST) {
         throw DataError(fmt::format("cannot create '{}': {}", file.string(), std::strerror(errno)));
     } else {
-        // Created by another a moment ago, or given back, so that the next look finds none.
+        // Created by another process a moment ago, or released, in which case the next attempt finds no file.
         if (held(file) || !fs::exists(file, error)) return nullptr;
-        // Of several that replace the file at the same moment, the last one has it.
+        // If several processes replace the file at the same moment, the last one holds the claim.
         replace_file(file, owner);
         std::this_thread::sleep_for(kSettle);
         if (content(file) != owner) return nullptr;

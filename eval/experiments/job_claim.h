@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shares jobs among processes, also of several machines, that see the same folders.
+// Shares jobs among processes, possibly on several machines, that have access to the same folders.
 //
-// Whoever trains a job holds a file beside its folder, which was created exclusively and whose time is renewed while
-// the process lives. A file that is no longer renewed belongs to a process that is gone, and another takes its place.
-// No clocks are compared: each process judges by its own how long a file has not changed.
+// The process that trains a job holds a claim file beside the job's folder. The file is created exclusively, and its
+// time is renewed while the process lives. If a file is no longer renewed, its process counts as dead, and another
+// process takes over the claim. No clocks are compared: each process measures with its own clock how long a file has
+// not changed.
 //
-// A process that has seen a job fail tells the others by a second file, which stays when it ends. They take its word
-// if the file was written or renewed while they were at work; to those that start later it says nothing.
+// A process that has seen a job fail notifies the others with a second file, which remains after the process ends.
+// Other processes accept the failure if that file was written or renewed while they were running; processes started
+// later ignore it.
 #pragma once
 
 #include <chrono>
@@ -20,16 +22,16 @@
 
 namespace gs {
 
-/// A claim that this process holds. It is given back at the end of the object's life.
+/// A claim held by this process. The destructor releases it.
 class JobClaim {
   public:
-    /// With `leave` the file stays, but no longer belongs to anybody.
+    /// With `leave` the file stays after release, but no longer belongs to any process.
     JobClaim(std::filesystem::path file, std::string owner, std::chrono::milliseconds renew_every, bool leave = false);
     ~JobClaim();
     JobClaim(const JobClaim&) = delete;
     JobClaim& operator=(const JobClaim&) = delete;
 
-    /// Whether another process took the claim, since this one seemed to be gone.
+    /// Returns whether another process took over the claim because this process seemed dead.
     bool lost() const;
 
   private:
@@ -45,7 +47,7 @@ class JobClaim {
     std::thread renewer_;
 };
 
-/// What a file of `tell` says, and when that was last renewed.
+/// The content of a file written by `tell`, and the time of its last renewal.
 struct JobNote {
     std::string owner, text;
     std::filesystem::file_time_type time = std::filesystem::file_time_type::min();
@@ -53,22 +55,22 @@ struct JobNote {
     friend bool operator==(const JobNote&, const JobNote&) = default;
 };
 
-/// Returns what the file says; empty if there is none, or it cannot be read now.
+/// Returns the content of the file; empty if there is none, or if it cannot be read at the moment.
 JobNote read_note(const std::filesystem::path& file);
 
-/// What this process has seen of the claims of others.
+/// Observations that this process has made of other processes' claims.
 class JobClaims {
   public:
-    /// A claim that does not change for `stale_after` belongs to nobody.
+    /// A claim that does not change for `stale_after` belongs to no process.
     explicit JobClaims(std::chrono::milliseconds stale_after) : stale_after_(stale_after) {}
 
     /// Returns whether another process holds the claim.
     bool held(const std::filesystem::path& file);
-    /// Takes the claim; null if another process holds it, or took it at the same moment. Throws DataError naming the
+    /// Takes the claim; null if another process holds it or took it at the same moment. Throws DataError naming the
     /// file if it cannot be written.
     std::unique_ptr<JobClaim> take(const std::filesystem::path& file);
-    /// Tells the others something: takes the claim from whoever has it, and adds a note to the file, which stays.
-    /// Throws DataError naming the file if it cannot be written.
+    /// Publishes a note to other processes: takes over the claim, whoever holds it, and adds the note to the file,
+    /// which remains. Throws DataError naming the file if it cannot be written.
     std::unique_ptr<JobClaim> tell(const std::filesystem::path& file, const std::string& note);
 
   private:

@@ -32,12 +32,12 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-/// Rounds through the test views in which frames are timed: about a second on a GPU; on the CPU one round is as long.
+/// Rounds through the test views for timing frames: about a second on a GPU; on the CPU one round takes as long.
 constexpr int kFrameRoundsCuda = 20, kFrameRoundsCpu = 1;
-/// The time between two looks at what other processes work on.
+/// Interval between two checks of the other processes' work.
 constexpr std::chrono::milliseconds kLookEvery{500};
 
-/// Returns what CUDA_VISIBLE_DEVICES has to be for each GPU that this process sees.
+/// Returns the value of CUDA_VISIBLE_DEVICES for each GPU visible to this process.
 std::vector<std::string> visible_gpus() {
     std::vector<std::string> names;
     if (const char* chosen = std::getenv("CUDA_VISIBLE_DEVICES")) {
@@ -50,7 +50,7 @@ std::vector<std::string> visible_gpus() {
     return names;
 }
 
-/// Returns the message of a program that ended with an error, from the last lines it printed.
+/// Returns the error message of a failed program, from the last lines it printed.
 std::string error_of(const ProcessResult& result) {
     static const std::string kMark = "error: ";
     for (auto line = result.last_lines.rbegin(); line != result.last_lines.rend(); ++line)
@@ -108,7 +108,7 @@ class JobRunner {
         std::unique_ptr<JobClaim> claim;
     };
 
-    /// Trains one job after another until there is none.
+    /// Trains jobs one after another until none is left.
     void work(const std::string& gpu, bool cuda) {
         while (const std::optional<Work> work = take()) {
             const std::size_t k = work->job;
@@ -120,7 +120,7 @@ class JobRunner {
             } catch (const std::exception& e) {
                 outcome.error = e.what(), outcome.code = ExitCode::kUnexpected;
             }
-            // A run whose own caller was killed may still work in the folder.
+            // A run whose parent process was killed may still be running in the folder.
             if (!outcome.result && (work->claim->lost() || RunLock::is_held(jobs_[k].options.model) ||
                                     outcome.error.starts_with("another run")))
                 leave_to_others(k);
@@ -129,7 +129,7 @@ class JobRunner {
         }
     }
 
-    /// Returns the next job to train, and waits where others work on all that are left. Nothing if there is none.
+    /// Returns the next job to train; waits if other processes work on all remaining jobs. Nothing if there is none.
     std::optional<Work> take() {
         for (;; std::this_thread::sleep_for(kLookEvery)) {
             const std::lock_guard lock(mutex_);
@@ -142,7 +142,7 @@ class JobRunner {
                     if (free.empty()) break;
                     const std::optional<std::size_t> k = hooks_.choose ? hooks_.choose(free) : free.front();
                     if (!k && others_.empty()) return std::nullopt;
-                    if (!k) break;  // what others train may still bring a result
+                    if (!k) break;  // jobs of other processes may still yield a result
                     std::unique_ptr<JobClaim> claim = claims_.take(claim_file(*k));
                     if (!claim) {
                         others_.insert(*k);
@@ -163,8 +163,8 @@ class JobRunner {
         return pending_.empty() || summary_.interrupted || hook_failure_ || past_deadline();
     }
 
-    /// Looks which of the pending jobs others work on, and which of these they have finished. A process that saw a
-    /// job fail before this one started, and lives, will tell it by renewing its word.
+    /// Updates which pending jobs other processes work on, and which of these have finished. A live process that saw a
+    /// job fail before this run_jobs call renews its note, so that the failure is accepted here, too.
     void note_others() {
         for (const std::size_t k : std::vector(pending_)) {
             if (failed_by_others(k)) continue;
@@ -175,7 +175,7 @@ class JobRunner {
         }
     }
 
-    /// Takes over the failure of a job that another process tried since the beginning.
+    /// Accepts the failure of a job in another process since run_jobs was called.
     bool failed_by_others(std::size_t k) {
         const JobNote failure = read_note(failure_file(k));
         if (failure.text.empty() || failure == first_failures_[k]) return false;
@@ -193,7 +193,7 @@ class JobRunner {
         return true;
     }
 
-    /// Takes over the result of a job that another process finished since the beginning.
+    /// Accepts the result of a job that another process finished since run_jobs was called.
     bool done_by_others(std::size_t k) {
         JobOutcome outcome;
         if (result_time(k) != first_times_[k]) outcome.result = finished_job(jobs_[k].options);
@@ -204,7 +204,7 @@ class JobRunner {
         return true;
     }
 
-    /// Removes what a process that was killed left of a job that is finished.
+    /// Removes the claim that a killed process left for a finished job.
     void remove_old_claim(std::size_t k) {
         std::error_code ignored;
         if (!claims_.held(claim_file(k))) fs::remove(claim_file(k), ignored);
@@ -228,8 +228,8 @@ class JobRunner {
             program.string(), "train",         "--config",
             config,           "--time-frames", std::to_string(cuda ? kFrameRoundsCuda : kFrameRoundsCpu)};
         if (holds_same_run(options))
-            command.push_back("--overwrite");  // from the start: the plan counts the time of this call
-        // However this process was started, the training is no rank of others.
+            command.push_back("--overwrite");  // starts over, because the plan measures the time of this call
+        // However this process was started, the training is not a rank of a group.
         std::vector<std::pair<std::string, std::string>> environment = {{"RANK", "0"}, {"WORLD_SIZE", "1"}};
         if (cuda) environment.push_back({"CUDA_VISIBLE_DEVICES", gpu});
         const auto begin = Clock::now();
@@ -253,7 +253,7 @@ class JobRunner {
         const std::lock_guard lock(mutex_);
         if (outcome.result) {
             std::error_code ignored;
-            fs::remove(failure_file(k), ignored);  // of an earlier start
+            fs::remove(failure_file(k), ignored);  // note of an earlier attempt
             log_info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name(k), outcome.result->psnr,
                      *outcome.result->num_gaussians, *outcome.result->train_seconds);
         } else if (!outcome.error.empty()) {
@@ -262,16 +262,16 @@ class JobRunner {
             tell_failure(k, outcome);
         } else {
             log_warning("{}: stopped", name(k));
-            if (!past_deadline()) summary_.interrupted = true;  // by a signal, if perhaps only to the child
+            if (!past_deadline()) summary_.interrupted = true;  // stopped by a signal, possibly sent only to the child
         }
         try {
             hooks_.done(k, outcome);
-        } catch (...) {  // a full disk stops the others, too
+        } catch (...) {  // e.g. a full disk, which stops the other jobs, too
             hook_failure_ = std::current_exception();
         }
     }
 
-    /// Tells the others that a job failed. Where that cannot be written they will try it, too.
+    /// Notifies other processes that a job failed. If the note cannot be written, they will try the job, too.
     void tell_failure(std::size_t k, const JobOutcome& outcome) {
         try {
             failures_.push_back(claims_.tell(failure_file(k), fmt::format("{} {}", int(outcome.code), outcome.error)));
@@ -280,7 +280,7 @@ class JobRunner {
         }
     }
 
-    /// Returns when the results of a job were written; the least time if there are none.
+    /// Returns the time at which the results of a job were written; the minimum time if there are none.
     fs::file_time_type result_time(std::size_t k) const {
         std::error_code error;
         const fs::file_time_type time = fs::last_write_time(RunFolder{jobs_[k].options.model}.results(), error);
@@ -293,13 +293,13 @@ class JobRunner {
 
     const std::vector<Job>& jobs_;
     const JobHooks& hooks_;
-    std::mutex mutex_;  ///< guards all below
+    std::mutex mutex_;  ///< guards all members below
     JobClaims claims_;
-    std::vector<std::size_t> pending_;                 ///< in their order
-    std::vector<fs::file_time_type> first_times_;      ///< of results that were there at the beginning
-    std::vector<JobNote> first_failures_;              ///< what was said of failures at the beginning
-    std::vector<std::unique_ptr<JobClaim>> failures_;  ///< of jobs that failed here
-    std::set<std::size_t> others_;                     ///< those of the pending ones that other processes work on
+    std::vector<std::size_t> pending_;                 ///< pending jobs in their order
+    std::vector<fs::file_time_type> first_times_;      ///< times of results that existed at the start
+    std::vector<JobNote> first_failures_;              ///< notes of failures that existed at the start
+    std::vector<std::unique_ptr<JobClaim>> failures_;  ///< notes of jobs that failed here
+    std::set<std::size_t> others_;                     ///< pending jobs that other processes work on
     std::exception_ptr hook_failure_;
     JobsSummary summary_;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The grids, their runs, and these as text and as JSON.
+// Defines the suites, trains their jobs, and writes the results as text and JSON.
 #include "eval/experiments/suite.h"
 
 #include <fmt/format.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The suites of `gsapp bench suite`: the jobs that each is made of, their training, one after another or one on each
-// GPU, and the table over them, written after each.
+// The suites of `gsapp bench suite`: their jobs, the training of these jobs (one after another or one per GPU), and a
+// results table, updated after each job.
 #pragma once
 
 #include <filesystem>
@@ -16,11 +16,11 @@ namespace gs {
 
 /// One job of a suite as a line of its table.
 struct SuiteLine {
-    std::string row;  ///< what the suite varies: "MCMC 0.1x", "softplus, opacity rate auto"
+    std::string row;  ///< name of the varied setting: "MCMC 0.1x", "softplus, opacity rate auto"
     std::string appearance;
     Job job;
     std::optional<RunResult> result = {};
-    std::string error = {};  ///< why there is no result; empty: the job was not reached
+    std::string error = {};  ///< reason for a missing result; empty: the job was not reached
 };
 
 /// Returns the names of the suites.
@@ -28,17 +28,17 @@ struct SuiteLine {
 /// activations: the four colour activations, each with opacity rate 0.05, 0.025 and auto.
 std::vector<std::string> suite_names();
 
-/// Returns the lines of a suite without results: all rows of the first appearance, then all of the second. `base` is
-/// not validated, so that every job decides what "0 or -1 = by strategy" means by its own strategy. What the suite
-/// varies is overwritten, and `eval` is on. Folders are <base.model>/<row>-<appearance>. Throws UsageError for an
-/// unknown suite, and where validate does.
+/// Returns the lines of a suite without results: all rows of the first appearance, then all rows of the second. `base`
+/// must not be validated yet, so that "0 or -1 = by strategy" is resolved by each job's own strategy. The settings that
+/// the suite varies are overwritten, and `eval` is on. Folders are <base.model>/<row>-<appearance>. Throws UsageError
+/// for an unknown suite, and the errors of validate.
 std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<std::string>& appearances,
                                    const TrainOptions& base);
 
-/// Returns a table, one line a job with a result, and a list of the other jobs.
+/// Returns a table with one line per finished job, and a list of the other jobs.
 std::string format_suite(const std::vector<SuiteLine>& lines, TableStyle style = TableStyle::kMarkdown);
 
-/// Returns all figures as JSON.
+/// Returns all results as JSON.
 std::string suite_json(const std::string& suite, const std::vector<SuiteLine>& lines);
 
 /// Writes suite.md and suite.json to the folder, each atomically. Throws DataError.
@@ -52,9 +52,9 @@ struct SuiteRun {
 };
 
 /// Trains the jobs of a suite that its folder `base.model` (empty: output/<scene>-<suite>) does not hold yet, and
-/// writes suite.md and suite.json after each. `base` as for suite_lines. A run that fails does not stop the others: the
-/// summary tells. Throws UsageError for mistakes in the arguments, before anything is written, and what write_suite and
-/// `run` throw. Call catch_interrupts() before.
+/// writes suite.md and suite.json after each. `base` as for suite_lines. A failed run does not stop the others; the
+/// summary counts failures. Throws UsageError for invalid arguments, before anything is written, and the errors of
+/// write_suite and `run`. Call catch_interrupts() before.
 SuiteRun run_suite(const std::string& suite, const std::vector<std::string>& appearances, TrainOptions base,
                    const JobsRunner& run = run_jobs);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frontier and recommendations: dominance of points, and which half of them to keep.
+// Computes Pareto fronts, the better half of points, and recommendations.
 #include "eval/experiments/tradeoff.h"
 
 #include <fmt/format.h>
@@ -25,8 +25,7 @@ std::vector<double> crowding_distance(const std::vector<Objectives>& points) {
         std::stable_sort(order.begin(), order.end(),
                          [&](std::size_t a, std::size_t b) { return points[a][k] < points[b][k]; });
         const double range = points[order.back()][k] - points[order.front()][k];
-        if (!(range > 0) || !std::isfinite(range))
-            continue;  // all alike, or a perfect score: says nothing about distances
+        if (!(range > 0) || !std::isfinite(range)) continue;  // all equal, or a perfect score: no usable range
         distance[order.front()] = distance[order.back()] = std::numeric_limits<double>::infinity();
         for (std::size_t i = 1; i + 1 < order.size(); ++i)
             distance[order[i]] += (points[order[i + 1]][k] - points[order[i - 1]][k]) / range;
@@ -90,8 +89,8 @@ class Recommender {
     const RunResult& result(std::size_t k) const { return *tradeoff_.runs[k].result; }
     double quality(std::size_t k) const { return quality_of(result(k), tradeoff_.quality); }
 
-    /// Returns the run of least cost among those near enough to the best in quality, or a better one that costs about
-    /// the same.
+    /// Returns the run of least cost among those close enough to the best quality, or a run of higher quality at about
+    /// the same cost.
     template <class Cost> std::size_t least(const Cost& cost) const {
         std::vector<std::size_t> allowed;
         for (const std::size_t k : front_)

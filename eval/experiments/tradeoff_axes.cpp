@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads axes from words, and spreads the configurations over them.
+// Parses axes, and orders the configurations they span.
 #include "eval/experiments/tradeoff_axes.h"
 
 #include <fmt/format.h>
@@ -26,7 +26,7 @@ namespace {
 
 constexpr const char* kBudget = "budget";
 constexpr const char* kPrecision = "precision";
-constexpr std::size_t kMaxConfigurations = 1000;  // more is a mistyped list, not a plan
+constexpr std::size_t kMaxConfigurations = 1000;  // a longer list is a typing error, not a plan
 
 std::vector<std::string> split(const std::string& text) {
     std::vector<std::string> parts;
@@ -100,8 +100,8 @@ std::string folder_name(const std::vector<TradeoffAxis>& axes, const std::vector
     return name;
 }
 
-/// Returns the distance of two values of an axis, 0 to 1. Numbers count by their places among its values; words are the
-/// same or not.
+/// Returns the distance of two values of an axis, from 0 to 1. Numbers are compared by their ranks among the axis's
+/// values; words are either equal or not.
 double distance_on(const TradeoffAxis& axis, const std::string& a, const std::string& b) {
     if (a == b) return 0;
     std::vector<double> numbers;
@@ -124,7 +124,8 @@ void spread(const std::vector<TradeoffAxis>& axes, std::vector<Configuration>& l
     };
     std::iter_swap(list.begin(), std::min_element(list.begin(), list.end(),
                                                   [&](const auto& a, const auto& b) { return work(a) < work(b); }));
-    std::vector<double> nearest(list.size(), std::numeric_limits<double>::infinity());  // to those before
+    // Distances to the nearest earlier configuration.
+    std::vector<double> nearest(list.size(), std::numeric_limits<double>::infinity());
     for (std::size_t k = 1; k < list.size(); ++k) {
         for (std::size_t i = k; i < list.size(); ++i) {
             double distance = 0;
@@ -185,7 +186,7 @@ Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const st
     if (varies_iterations && options.time_limit)
         throw UsageError(
             "--axes iterations: with --time-limit the time decides how many there are; leave one of the two out");
-    limit_budget(options, share);  // of the cap that another axis may have set
+    limit_budget(options, share);  // share of --cap-max, which another axis may have set
     return configuration;
 }
 

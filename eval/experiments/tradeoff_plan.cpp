@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rounds of a grid and of successive halving; finds everything that would make runs fail or a budget useless before the
-// first run starts.
+// Plans the rounds of a grid and of successive halving, and detects before the first run everything that would make
+// runs fail or a budget useless.
 #include "eval/experiments/tradeoff_plan.h"
 
 #include <fmt/format.h>
@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-/// What --iterations is divided by in each round.
+/// Divisors of --iterations, one per round.
 constexpr std::int64_t kDivisors[] = {4, 2, 1};
 
 double default_give_up(Quality quality) { return quality == Quality::kPsnr ? 1.0 : 0.02; }
@@ -29,7 +29,7 @@ void require_free_folders(const Rounds& rounds) {
                                 configuration.options.model, difference));
 }
 
-/// Throws UsageError if a folder holds a run of another scene than `scene`, which may have changed in its place.
+/// Throws UsageError if a folder holds a run of a different scene than `scene`, whose files may have changed since.
 void require_same_scene(const Rounds& rounds, const Scene& scene) {
     for (const auto& round : rounds)
         for (const Configuration& configuration : round) {
@@ -42,7 +42,7 @@ void require_same_scene(const Rounds& rounds, const Scene& scene) {
         }
 }
 
-/// Says how many configurations have a --cap-max below the scene's `points`; empty if none has.
+/// Returns a remark with the number of configurations whose --cap-max is below the scene's `points`; empty if none is.
 std::string remark_on_budgets(const std::vector<Configuration>& round, std::int64_t points) {
     const auto below =
         std::count_if(round.begin(), round.end(), [&](const Configuration& c) { return c.options.cap_max < points; });
@@ -91,7 +91,7 @@ TradeoffPlan plan_tradeoff(TrainOptions base, const TradeoffRequest& request) {
         throw UsageError("tradeoff: runs are not resumed; the same command again trains those that are missing");
     if (base.model.empty())
         base.model = (std::filesystem::path("output") / (scene_name(base.source) + "-tradeoff")).string();
-    apply_preset(base);  // default values of axes depend on the iterations
+    apply_preset(base);  // default axis values depend on the iterations
     TradeoffPlan plan{base.model, {}, {}};
     plan.tradeoff.source = base.source;
     plan.tradeoff.quality = request.quality;

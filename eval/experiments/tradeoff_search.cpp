@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rounds of a search, expected times, and which job is worth starting in the time that is left.
+// Runs the rounds of a search, predicts times, and chooses the next job that fits the remaining time.
 #include "eval/experiments/tradeoff_search.h"
 
 #include <fmt/format.h>
@@ -34,7 +34,7 @@ class Search {
             for (const std::size_t i : chosen) tradeoff_.runs.push_back({.configuration = rounds_[r][i]});
             train(first);
             std::vector<std::size_t> finished;
-            bool complete = true;  // failures do not count: another length would not mend them
+            bool complete = true;  // ignores failures, which a longer training would not fix
             for (std::size_t k = first; k < tradeoff_.runs.size(); ++k) {
                 if (tradeoff_.runs[k].result) finished.push_back(k);
                 complete = complete && (tradeoff_.runs[k].result || tradeoff_.runs[k].state == RunState::kFailed);
@@ -96,8 +96,7 @@ class Search {
             run.state = RunState::kStopped;
         if (outcome.result)
             time_plan_.add(run.configuration.options, *outcome.result->train_seconds, outcome.wall_seconds);
-        if (outcome.wall_seconds)
-            write_tradeoff(folder_, tradeoff_);  // jobs that were finished before need no file each
+        if (outcome.wall_seconds) write_tradeoff(folder_, tradeoff_);  // no file for each job that was finished before
     }
 
     Tradeoff& tradeoff_;
@@ -124,7 +123,8 @@ std::optional<double> TimePlan::seconds(const TrainOptions& options) const {
         if (!run.options.ends_by_iterations()) continue;
         const double iterations = double(options.iterations) / double(run.options.iterations);
         const double gaussians = double(options.cap_max) / double(run.options.cap_max);
-        // A step of 1 % in size weighs more than another appearance: these differ by less than a factor of two.
+        // A size difference of 1 % outweighs another appearance: the times of appearances differ by less than a factor
+        // of two.
         const double distance = std::abs(std::log(iterations)) + std::abs(std::log(gaussians)) +
                                 (run.options.appearance == options.appearance ? 0 : 0.01);
         if (distance >= least) continue;

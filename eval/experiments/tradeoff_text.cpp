@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes a trade-off: the table, everything as Markdown and JSON, and the page.
+// Writes a trade-off as Markdown, JSON and an HTML page.
 #include "eval/experiments/tradeoff_text.h"
 
 #include <fmt/format.h>
@@ -38,7 +38,7 @@ const char* state_name(RunState state) {
     return "not reached";
 }
 
-/// The names of the recommendations that are this run.
+/// Returns the names of the recommendations that refer to this run.
 std::string titles(const std::vector<Recommendation>& recommendations, std::size_t run) {
     std::string text;
     for (const Recommendation& r : recommendations)
@@ -57,17 +57,17 @@ Json json_of(const Tradeoff& tradeoff, const TradeoffRun& run, bool in_frontier)
     return json;
 }
 
-/// A cost of the plots: the field that has it, and its unit.
+/// A cost for the plots: its field and its unit.
 struct Cost {
     const char *field, *title, *axis;
-    double unit;  ///< factor on the field
+    double unit;  ///< factor from the field's value to the plotted value
 };
 constexpr Cost kCosts[] = {{"train_seconds", "training time", "training time, s", 1},
                            {"frame_seconds", "frame time", "time of a frame, ms", 1e3},
                            {"bytes", "size", "size of the scene, MB", 1e-6},
                            {"peak_device_bytes", "peak memory of the training", "peak memory, GiB", 1.0 / (1 << 30)}};
 
-/// Where the value of the first axis stands among its values: runs that share it share a colour.
+/// Returns the index of the run's value on the first axis: runs with the same value share a colour.
 int series_of(const Tradeoff& tradeoff, const TradeoffRun& run) {
     const auto& values = tradeoff.axes.front().values;
     return int(std::find(values.begin(), values.end(), run.configuration.values.front()) - values.begin());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The figures of a trade-off as readers see them, shared by its table, its words and its plots.
+// Formats the values of a trade-off for readers, for its table, its text and its plots.
 #pragma once
 
 #include <string>
@@ -18,13 +18,14 @@ std::string bytes_text(std::int64_t bytes);
 /// Formats the frames per second of a result: "143.2".
 std::string fps_text(const RunResult& result);
 
-/// Tabulates the finished runs: the frontier, then the dominated ones in grey.
+/// Returns a table of the finished runs: the frontier, then the dominated runs in grey.
 TextTable tradeoff_table(const Tradeoff& tradeoff);
 
-/// The remarks, then what the numbers are: what marks the frontier, how often each was trained, the protocol.
+/// Returns the remarks, then explanations of the numbers: the mark of the frontier, the number of trainings per
+/// configuration, the protocol.
 std::vector<std::string> tradeoff_notes(const Tradeoff& tradeoff);
 
-/// Why a run has no result: "failed: ...", "stopped at the time limit", ...
+/// Returns the reason for a missing result: "failed: ...", "stopped at the time limit", ...
 std::string state_text(const TradeoffRun& run);
 
 }  // namespace gs

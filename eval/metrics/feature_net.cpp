@@ -58,9 +58,9 @@ std::shared_ptr<const FeatureNet> load_vgg16(std::shared_ptr<const TensorEngine>
             stage.layers.push_back(
                 weights.read_layer(*net.engine, fmt::format("features.{}", index), {in, channels, 3, 1, 1}));
             in = channels;
-            index += 2;  // torchvision counts the ReLU as a layer
+            index += 2;  // torchvision numbers the ReLU as a layer
         }
-        index += 1;  // the pooling counts, too
+        index += 1;  // torchvision numbers the pooling, too
         net.stages.push_back(std::move(stage));
     }
     return std::make_shared<const FeatureNet>(std::move(net));

@@ -18,15 +18,15 @@ namespace gs {
 namespace {
 
 using Colour = std::array<double, 3>;
-using Taps = std::vector<double>;  ///< an odd number of weights; the middle one is for the pixel itself
+using Taps = std::vector<double>;  ///< an odd number of weights; the middle one belongs to the pixel itself
 
-/// The exponents of colour and feature differences, and the bend of the curve that maps colour differences to [0,1].
+/// Exponents of colour and feature differences, and the knee of the curve that maps colour differences to [0,1].
 /// Source: section 4 of the paper.
 constexpr double kColourExponent = 0.7, kFeatureExponent = 0.5, kBendAt = 0.4, kBendValue = 0.95;
-/// The width of the human detector of edges, in degrees. Source: section 4.2.
+/// Width of the human edge detector, in degrees. Source: section 4.2.
 constexpr double kFeatureWidth = 0.082;
 
-/// The white of the standard illuminant D65, and the matrices from linear rgb to XYZ and back.
+/// White point of the standard illuminant D65, and the matrices from linear rgb to XYZ and back.
 constexpr Colour kWhite = {0.950428545, 1.0, 1.088900371};
 constexpr double kXyzFromRgb[3][3] = {{10135552 / 24577794.0, 8788810 / 24577794.0, 4435075 / 24577794.0},
                                       {2613072 / 12288897.0, 8788810 / 12288897.0, 887015 / 12288897.0},
@@ -43,7 +43,7 @@ Colour product(const double (&m)[3][3], const Colour& v) {
 
 double linear_from_srgb(double v) { return v > 0.04045 ? std::pow((v + 0.055) / 1.055, 2.4) : v / 12.92; }
 
-/// Converts to the opponent space YCxCz, which is linear in light and in which contrast sensitivity is known.
+/// Converts to the opponent space YCxCz, which is linear in light and for which contrast sensitivity is known.
 Colour ycxcz_from_rgb(const Colour& rgb) {
     const Colour xyz = product(kXyzFromRgb, rgb);
     const double x = xyz[0] / kWhite[0], y = xyz[1] / kWhite[1], z = xyz[2] / kWhite[2];
@@ -55,7 +55,7 @@ Colour rgb_from_ycxcz(const Colour& c) {
     return product(kRgbFromXyz, {(y + c[1] / 500) * kWhite[0], y * kWhite[1], (y - c[2] / 200) * kWhite[2]});
 }
 
-/// Converts to CIELAB with chroma scaled by lightness, since colours look less colourful in the dark (Hunt).
+/// Converts to CIELAB with chroma scaled by lightness, because dark colours look less colourful (Hunt effect).
 Colour hunt_lab_from_rgb(const Colour& rgb) {
     const Colour xyz = product(kXyzFromRgb, rgb);
     Colour f{};
@@ -68,7 +68,7 @@ Colour hunt_lab_from_rgb(const Colour& rgb) {
     return {lightness, 0.01 * lightness * 500 * (f[0] - f[1]), 0.01 * lightness * 200 * (f[1] - f[2])};
 }
 
-/// Returns the difference of lightness plus the Euclidean distance of chroma.
+/// Returns the absolute difference of lightness plus the Euclidean distance of chroma.
 double hyab(const Colour& a, const Colour& b) { return std::abs(a[0] - b[0]) + std::hypot(a[1] - b[1], a[2] - b[2]); }
 
 struct Plane {
@@ -77,7 +77,7 @@ struct Plane {
     Plane(int w, int h) : width(w), height(h), values(std::size_t(w) * h) {}
 };
 
-/// Correlates with one set of taps along x, then with another along y. Borders are repeated.
+/// Correlates with one set of taps along x, then with another along y. Borders are replicated.
 Plane filtered(const Plane& in, const Taps& along_x, const Taps& along_y) {
     const int rx = int(along_x.size() / 2), ry = int(along_y.size() / 2);
     Plane rows(in.width, in.height), out(in.width, in.height);
@@ -122,9 +122,9 @@ struct CsfTerm {
     double a, b;
 };
 const std::array<std::vector<CsfTerm>, 3> kCsf = {{{{1, 0.0047}}, {{1, 0.0053}}, {{34.1, 0.04}, {13.5, 0.025}}}};
-constexpr double kWidestB = 0.04;  ///< gives all three filters their radius of three deviations
+constexpr double kWidestB = 0.04;  ///< largest b; three of its deviations are the radius of all filters
 
-/// Filters a channel by its contrast sensitivity function, a sum of Gaussians. Each of them is separable, the sum is
+/// Filters a channel by its contrast sensitivity function, a sum of Gaussians. Each Gaussian is separable, their sum is
 /// not.
 Plane seen(const Plane& in, const std::vector<CsfTerm>& terms, double ppd) {
     const double pi = std::numbers::pi;
@@ -161,7 +161,7 @@ std::array<Plane, 3> opponent_planes(const Image& image) {
     return planes;
 }
 
-/// Returns what the colour pipeline compares: filtered colours, clamped to displayable ones, in scaled CIELAB.
+/// Returns the input of the colour comparison: filtered colours, clamped to displayable ones, in scaled CIELAB.
 std::vector<Colour> perceived_colours(const std::array<Plane, 3>& opponent, double ppd) {
     const Plane y = seen(opponent[0], kCsf[0], ppd), cx = seen(opponent[1], kCsf[1], ppd),
                 cz = seen(opponent[2], kCsf[2], ppd);
@@ -174,7 +174,7 @@ std::vector<Colour> perceived_colours(const std::array<Plane, 3>& opponent, doub
     return colours;
 }
 
-/// The strength of edges and of points in each pixel.
+/// Strength of edges and points in each pixel.
 struct Features {
     std::vector<double> edges, points;
 };
@@ -194,7 +194,7 @@ Features features(const Plane& y, double ppd) {
     const auto gaussian = [&](double x) { return std::exp(-x * x / (2 * deviation * deviation)); };
     Taps across = taps(radius, gaussian);
     scale(across, 1 / sum(across));
-    // Scales the positive and the negative weights of a derivative to a sum of one each.
+    // Scales the positive and the negative weights of a derivative so that each sum to one.
     const auto balanced = [](Taps taps) {
         double positive = 0, negative = 0;
         for (const double t : taps) (t > 0 ? positive : negative) += std::abs(t);
@@ -207,8 +207,8 @@ Features features(const Plane& y, double ppd) {
     return {strength(luminance, edge, across), strength(luminance, point, across)};
 }
 
-/// Maps a colour difference, taken to the power of kColourExponent, to [0,1]. Most of the range goes to differences
-/// below kBendAt of the largest.
+/// Maps a colour difference, raised to the power of kColourExponent, to [0,1]. Most of the range is used for
+/// differences below kBendAt of the largest.
 double redistributed(double difference, double largest) {
     const double bend = kBendAt * largest;
     if (difference < bend) return kBendValue / bend * difference;

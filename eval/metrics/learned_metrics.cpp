@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Computes LPIPS over the stages of a feature net, DISTS from the moments of feature maps, and MILO's mask from the
-// coarsest scale to the finest.
+// coarsest to the finest scale.
 #include "eval/metrics/learned_metrics.h"
 
 #include <fmt/format.h>
@@ -12,25 +12,25 @@
 namespace gs {
 namespace {
 
-/// The statistics of ImageNet for inputs in [-1,1].
+/// Shift and scale of ImageNet for inputs in [-1,1].
 constexpr std::array<double, 3> kShift = {-0.030, -0.088, -0.188}, kScale = {0.458, 0.448, 0.450};
 
 Tensor net_input(const TensorEngine& engine, const Image& image, LpipsRange range) {
     if (range == LpipsRange::kUnit) return normalized_input(engine, image, kShift, kScale);
-    // These shift and scale 2 v - 1.
+    // Shift and scale apply to 2 v - 1.
     std::array<double, 3> offset{}, scale{};
     for (std::size_t c = 0; c < 3; ++c) offset[c] = (1 + kShift[c]) / 2, scale[c] = kScale[c] / 2;
     return normalized_input(engine, image, offset, scale);
 }
 
 constexpr std::array<double, 3> kMean = {0.485, 0.456, 0.406}, kDeviation = {0.229, 0.224, 0.225};  ///< ImageNet's
-constexpr double kMeanFloor = 1e-6, kVarianceFloor = 1e-6;  ///< make a channel that is 0 in both images agree
+constexpr double kMeanFloor = 1e-6, kVarianceFloor = 1e-6;  ///< make a channel that is 0 in both images count as equal
 constexpr int kImageChannels = 3;
 
-/// Returns the weighted disagreement of the two maps in one channel.
+/// Returns the weighted dissimilarity of two maps in one channel.
 double channel_distance(const ChannelComparison& c, double alpha, double beta) {
-    // This form of one minus the similarity does not cancel: 1 - (2 ab + c) / (aa + bb + c) = (a - b)^2 / (aa + bb +
-    // c).
+    // This form of one minus the similarity avoids cancellation: 1 - (2 ab + c) / (aa + bb + c) = (a - b)^2 / (aa + bb
+    // + c).
     const double texture =
         (c.mean_a - c.mean_b) * (c.mean_a - c.mean_b) / (c.mean_a * c.mean_a + c.mean_b * c.mean_b + kMeanFloor);
     const double structure = c.difference / (c.variance_a + c.variance_b + kVarianceFloor);
@@ -64,7 +64,7 @@ double Lpips::operator()(const Image& a, const Image& b) const {
     const Pooling pooling = kind_ == LpipsNet::kVgg ? Pooling::kMax2 : Pooling::kMax3;
     Tensor fa = net_input(engine, a, range_), fb = net_input(engine, b, range_);
     double sum = 0;
-    // Both images take each stage together, so that only one stage of each is held.
+    // Processes both images stage by stage, so that only one stage of each is in memory.
     for (std::size_t i = 0; i < net_->stages.size(); ++i) {
         fa = net_->stages[i].run(engine, std::move(fa), pooling);
         fb = net_->stages[i].run(engine, std::move(fb), pooling);
@@ -125,7 +125,7 @@ Milo::Milo(std::shared_ptr<const TensorEngine> engine, const std::filesystem::pa
         layers_.push_back(
             weights.read_layer(*engine_, fmt::format("mask_finder_1.netBasic.{}", index), {in, out, 3, 1, 1}));
         in = out;
-        index += 2;  // the ReLU counts as a layer
+        index += 2;  // torchvision numbers the ReLU as a layer
     }
 }
 

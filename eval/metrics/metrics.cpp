@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists the metrics, makes them by name, and compares two images by them.
+// Lists the metrics, creates them by name, and compares two images with them.
 #include "eval/metrics/metrics.h"
 
 #include <fmt/format.h>
@@ -28,7 +28,7 @@ const MetricInfo& metric_info(const std::string& name) {
 
 MetricScore measured(double value) { return {value, ""}; }
 
-/// Returns compute() of a metric with weights. The net is shared because functions are copied.
+/// Returns Metric::compute for a metric with weights. The net is shared because functions are copied.
 template <class Net> auto checked_size(std::shared_ptr<const Net> net, int min_side) {
     return [net, min_side](const Image& render, const Image& truth) {
         require_same_size(render, truth);
@@ -53,7 +53,7 @@ std::optional<MetricScore> without_weights(const std::filesystem::path& folder, 
     return std::nullopt;
 }
 
-/// The engine and net that learned metrics share. Each is made when the first metric asks for it.
+/// Engine and net shared by learned metrics. Each is created for the first metric that needs it.
 class SharedNets {
   public:
     explicit SharedNets(const MetricOptions& options) : options_(options) {}
@@ -75,7 +75,7 @@ class SharedNets {
 
 Metric make_metric(const std::string& name, const MetricOptions& options, SharedNets& nets) {
     Metric metric{metric_info(name), "", nullptr};
-    // Absent weights are an answer. Damaged ones are an error now rather than after rendering.
+    // Missing weights are a valid result. Damaged weights are an error now rather than after rendering.
     const auto learned = [&](const std::vector<std::string>& files, const auto& load) {
         if (const auto missing = without_weights(options.weights, files)) {
             metric.compute = [score = *missing](const Image&, const Image&) { return score; };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Computes PSNR in double precision, summed row by row, and SSIM by separable filtering in double precision.
+// Computes PSNR in double precision, summed by rows, and SSIM by separable filtering in double precision.
 #include "eval/metrics/pixel_metrics.h"
 
 #include <fmt/format.h>
@@ -26,13 +26,13 @@ std::array<double, kTaps> gaussian_window() {
     return taps;
 }
 
-/// One channel, padded on each side so that every window that counts lies inside.
+/// One channel, padded on each side so that every counted window lies inside.
 struct PaddedChannel {
     int width, height;
     std::vector<double> values;
 };
 
-/// Returns the index of pixel i in a row of n pixels that is mirrored about its first and last pixel.
+/// Returns the index of pixel i in a row of n pixels mirrored about its first and last pixel.
 int reflected(int i, int n) { return i < 0 ? -i : (i >= n ? 2 * n - 2 - i : i); }
 
 PaddedChannel padded_channel(const Image& image, int channel, SsimBorder border) {
@@ -57,11 +57,11 @@ double ssim_of_moments(const double m[5]) {
            ((m[0] * m[0] + m[1] * m[1] + kC1) * (variance_a + variance_b + kC2));
 }
 
-/// Returns the sum of the SSIM map over all windows that lie inside the planes.
+/// Returns the sum of the SSIM map over all windows inside the planes.
 double ssim_sum(const PaddedChannel& a, const PaddedChannel& b) {
     static const auto taps = gaussian_window();
     const int width = a.width - 2 * kRadius, height = a.height - 2 * kRadius;
-    // The moments a, b, aa, bb, ab, filtered along x: (a.height, width, 5).
+    // Moments a, b, aa, bb, ab, filtered along x: (a.height, width, 5).
     std::vector<double> rows(std::size_t(a.height) * width * 5);
     parallel_for(a.height, [&](std::int64_t y) {
         for (int x = 0; x < width; ++x) {
@@ -74,7 +74,7 @@ double ssim_sum(const PaddedChannel& a, const PaddedChannel& b) {
             }
         }
     });
-    std::vector<double> row_sums(height);  // summed in order, so that the number of threads does not matter
+    std::vector<double> row_sums(height);  // summed in order, independently of the number of threads
     parallel_for(height, [&](std::int64_t y) {
         for (int x = 0; x < width; ++x) {
             double m[5] = {};

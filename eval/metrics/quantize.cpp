@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns renders and photographs into comparable images, and fits a map of colours by least squares over pixels.
+// Converts renders and photographs to comparable images, and fits colour maps by least squares over pixels.
 #include "eval/metrics/quantize.h"
 
 #include <Eigen/QR>
@@ -15,7 +15,7 @@ std::uint8_t quantize(float v) {
 /// Clamps to [0,1]. NaN becomes 0.
 float clamped(float v) { return v > 0 ? gs_min(v, 1.0f) : 0.0f; }
 
-/// Returns an rgb image of sample(x, y, c), rounded to 8 bits where `eight_bit`.
+/// Returns an rgb image of sample(x, y, c), rounded to 8 bits if `eight_bit`.
 template <class Sample> Image filled_rgb(int width, int height, bool eight_bit, const Sample& sample) {
     Image image{width, height, 3, {}, {}};
     const std::size_t size = std::size_t(width) * height * 3;

@@ -9,8 +9,8 @@
 namespace gs {
 namespace {
 
-/// Returns printable text with every character replaced by what `replacement` returns for it; a null pointer keeps the
-/// character.
+/// Returns printable text with every character replaced by the text that `replacement` returns for it; a null pointer
+/// keeps the character.
 template <class Replacement> std::string replaced(const std::string& text, const Replacement& replacement) {
     std::string out;
     for (const char c : printable(text)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The head of a page, tables in HTML, and templates filled in.
+// Builds the head of a page and HTML tables, and fills templates.
 #include "eval/pages/html_page.h"
 
 #include <fmt/format.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The head, tables and placeholders of the pages that gsapp writes.
+// The head, tables and placeholders of the HTML pages that gsapp writes.
 #pragma once
 
 #include <string>
@@ -8,16 +8,16 @@
 
 namespace gs {
 
-/// The text of eval/pages/page_head.html: everything before <body>, style included, with the placeholder {{title}}.
+/// Text of eval/pages/page_head.html: everything before <body>, including the style, with the placeholder {{title}}.
 extern const char* const kPageHead;
 
-/// Returns kPageHead with its title.
+/// Returns kPageHead with the title filled in.
 std::string page_head(const std::string& title);
 
-/// Returns the table, and below it `note` unless it is empty. Both are escaped.
+/// Returns the table as HTML, with `note` below it unless it is empty. Both are escaped.
 std::string html_table(const TextTable& table, const std::string& note);
 
-/// Replaces the first {{key}} of the page, which must have one.
+/// Replaces the first {{key}} of the page, which must contain one.
 void fill(std::string& page, const std::string& key, const std::string& text);
 
 }  // namespace gs

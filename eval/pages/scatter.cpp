@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Axes, marks, labels and a legend, as elements of SVG.
+// Draws axes, marks, labels and a legend as SVG elements.
 #include "eval/pages/scatter.h"
 
 #include <fmt/format.h>
@@ -17,10 +17,10 @@ constexpr double kRightEnd = kWidth - kRight, kBottomEnd = kHeight - kBottom;
 constexpr double kLabelHeight = 13, kLetterWidth = 7, kLabelGap = 10;  // px, estimated for text of 12 px
 
 struct Axis {
-    std::vector<double> ticks;  ///< ascending; the first and the last are the axis's ends
+    std::vector<double> ticks;  ///< ascending; the first and the last are the ends of the axis
     bool log = false;
 
-    /// Returns where v lies: 0 at the first tick, 1 at the last.
+    /// Returns the position of v on the axis: 0 at the first tick, 1 at the last.
     double place(double v) const {
         const auto f = [&](double x) { return log ? std::log(x) : x; };
         return (f(v) - f(ticks.front())) / (f(ticks.back()) - f(ticks.front()));
@@ -45,7 +45,7 @@ Axis log_axis(double low, double high) {
     for (double decade = std::pow(10, std::floor(std::log10(low)));; decade *= 10) {
         for (const double factor : {1.0, 2.0, 5.0}) {
             const double tick = factor * decade;
-            if (tick <= low) axis.ticks.clear();  // the axis begins later
+            if (tick <= low) axis.ticks.clear();  // the axis starts later
             axis.ticks.push_back(tick);
             if (tick >= high && axis.ticks.size() > 1) return axis;
         }
@@ -96,10 +96,10 @@ class Drawing {
                            (kTop + kBottomEnd) / 2, html_escaped(plot_.y_title));
         std::vector<const ScatterPoint*> order = front();
         if (plot_.connect_front) out += connected(order);
-        for (const bool grey : {true, false})  // coloured points lie on top
+        for (const bool grey : {true, false})  // draws coloured points on top
             for (const ScatterPoint& p : plot_.points)
                 if (p.grey == grey) out += point(p);
-        // The labels of the front choose their places first.
+        // Places the labels of the front first.
         for (const ScatterPoint& p : plot_.points)
             if ((p.ring || !plot_.connect_front) && std::find(order.begin(), order.end(), &p) == order.end())
                 order.push_back(&p);
@@ -111,7 +111,7 @@ class Drawing {
     double px(double x) const { return kLeft + x_.place(x) * (kRightEnd - kLeft); }
     double py(double y) const { return kBottomEnd - y_.place(y) * (kBottomEnd - kTop); }
 
-    /// Returns the points that have no other with less x and more y, from left to right.
+    /// Returns the points for which no other has smaller x and larger y, from left to right.
     std::vector<const ScatterPoint*> front() const {
         std::vector<const ScatterPoint*> order, front;
         for (const ScatterPoint& p : plot_.points) order.push_back(&p);
@@ -140,7 +140,7 @@ class Drawing {
         return out + fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"/></g>\n", x, y, p.grey ? 3.5 : 5);
     }
 
-    /// Draws the label beside, above or below the point if there is room, and further down if there is none.
+    /// Draws the label beside, above or below the point if there is room, else further down.
     std::string label(const ScatterPoint& p) {
         const double x = px(p.x), y = py(p.y), width = kLetterWidth * double(p.label.size());
         const auto box_at = [&](bool left, double dy) {
@@ -165,7 +165,7 @@ class Drawing {
                });
     }
 
-    /// Draws the label in `box`, and a line to its point unless it stands right beside it.
+    /// Draws the label in `box`, with a line to its point unless it is right beside it.
     std::string placed(const ScatterPoint& p, const Box& box, bool left) {
         labels_.push_back(box);
         const double x = left ? box.x + box.width : box.x, middle = box.y + kLabelHeight / 2;
@@ -177,7 +177,7 @@ class Drawing {
 
     const ScatterPlot& plot_;
     Axis x_, y_;
-    std::vector<Box> labels_;  ///< places of the labels drawn so far
+    std::vector<Box> labels_;  ///< areas of the labels drawn so far
 };
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws a scatter plot as inline SVG, in the classes of the page's style.
+// Draws a scatter plot as inline SVG, using the CSS classes of the page.
 #pragma once
 
 #include <string>
@@ -7,25 +7,25 @@
 
 namespace gs {
 
-/// One point, its label and its look.
+/// A point, its label and its appearance.
 struct ScatterPoint {
     double x = 0, y = 0;
-    double deviation = 0;    ///< half the length of a bar along y; 0 = none
+    double deviation = 0;    ///< half the length of an error bar along y; 0 = none
     std::string label = {};  ///< text beside the point
     std::string tooltip = {};
-    int series = 0;     ///< number of its colour
-    bool ring = false;  ///< a ring around the point points it out
-    bool grey = false;  ///< the point is small and has no colour
+    int series = 0;     ///< index of its colour
+    bool ring = false;  ///< draws a ring around the point to highlight it
+    bool grey = false;  ///< draws the point small and without colour
 };
 
 /// The points, axes and options of a plot.
 struct ScatterPlot {
     std::string title, x_title, y_title;
-    bool log_x = false;  ///< logarithmic; all x must then be positive
-    /// Draws a line through the points that have no other with less x and more y. Only these and those with rings have
-    /// labels then.
+    bool log_x = false;  ///< logarithmic x axis; all x must then be positive
+    /// Draws a line through the Pareto front: the points for which no other has smaller x and larger y. Only these and
+    /// points with rings are labelled then.
     bool connect_front = false;
-    std::vector<ScatterPoint> points;  ///< at least one; coordinates are finite
+    std::vector<ScatterPoint> points;  ///< at least one point; coordinates must be finite
 };
 
 /// Returns the plot as a <figure> with a caption.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists the columns and their values, groups runs into tables and lines, and averages what was repeated.
+// Lists the columns and their values, groups runs into tables and lines, and averages repeated runs.
 #include "eval/report/comparison.h"
 
 #include <fmt/format.h>
@@ -25,7 +25,7 @@ std::string one_digit(double v) { return fmt::format("{:.1f}", v); }
 std::string percent(double v) { return fmt::format("{:.1f} %", 100 * v); }
 std::string gibibytes(double v) { return fmt::format("{:.2f} GiB", v / double(1 << 30)); }
 
-/// Returns the metrics in the order of columns. 3DGS's metrics.py writes "LPIPS" without naming the net.
+/// Returns the metrics in column order. 3DGS's metrics.py writes "LPIPS" without naming the net.
 std::vector<MetricInfo> column_metrics() {
     std::vector<MetricInfo> metrics = known_metrics();
     const auto flip =
@@ -58,7 +58,7 @@ using Sample = std::vector<std::optional<double>>;  ///< one value per column
 bool same_experiment(const RunResult& a, const RunResult& b) {
     if (a.training.empty() || a.scene != b.scene || a.correction() != b.correction() || a.training != b.training)
         return false;
-    // Under a time limit the number of iterations is chance.
+    // Under a time limit the number of iterations varies by chance.
     const auto limit = a.training.find("time-limit");
     return a.iteration == b.iteration || (limit != a.training.end() && !limit->second.empty());
 }
@@ -80,8 +80,8 @@ std::vector<Sample> samples_of(const ComparisonLine& line, const std::vector<Col
     return samples;
 }
 
-/// Returns the statistics of every column. A column that one run lacks is empty, since readers would take the mean of
-/// the others for that of all.
+/// Returns the statistics of every column. A column that one run lacks is empty, because readers would take the mean of
+/// the other runs for that of all runs.
 std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samples,
                                                  const std::vector<Column>& columns) {
     std::vector<std::optional<ColumnStats>> stats;
@@ -95,7 +95,7 @@ std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samp
     return stats;
 }
 
-/// Returns the mean element by element; empty if one of the samples is.
+/// Returns the mean of each element; empty if an element is empty in one of the samples.
 Sample mean_sample(const std::vector<Sample>& samples) {
     Sample mean(samples[0].size(), 0.0);
     for (const Sample& sample : samples)
@@ -111,7 +111,7 @@ std::vector<std::uint64_t> seeds_of(const ComparisonLine& line) {
     return seeds;
 }
 
-/// Returns the line of a dataset from lines of its scenes.
+/// Returns the line of a dataset computed from lines of its scenes.
 ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, const std::vector<Column>& columns) {
     ComparisonLine line = *scenes[0];
     line.num_scenes = scenes.size();
@@ -136,12 +136,12 @@ ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, co
     return line;
 }
 
-/// Returns what readers see of a line: lines of one look seem to be the same experiment.
+/// Returns the displayed names of a line; lines with equal names look like the same experiment.
 std::tuple<std::string, std::string, std::string> look_of(const ComparisonLine& line) {
     return {line.model, line.strategy, line.correction};
 }
 
-/// Writes on every line the options in which lines of the same look differ.
+/// Adds to every line the options that distinguish it from lines with the same displayed names.
 void name_options(ComparisonTable& table) {
     std::map<std::tuple<std::string, std::string, std::string>, std::vector<ComparisonLine*>> looks;
     for (ComparisonLine& line : table.lines) looks[look_of(line)].push_back(&line);
@@ -171,7 +171,7 @@ void give_places(ComparisonTable& table, const std::vector<Column>& columns) {
         std::stable_sort(stats.begin(), stats.end(),
                          [&](const ColumnStats* a, const ColumnStats* b) { return sign * a->mean < sign * b->mean; });
         const auto text = [&](const ColumnStats* s) { return columns[c].text(s->mean); };
-        // There is no best where all lines read the same, or only one line is there.
+        // There is no best value if all lines show the same value, or if there is only one line.
         if (stats.empty() || text(stats.front()) == text(stats.back())) continue;
         int place = 1;
         for (std::size_t i = 0; i < stats.size(); ++i) {
@@ -205,7 +205,7 @@ std::vector<ComparisonLine> grouped(const std::vector<RunResult>& runs) {
     return lines;
 }
 
-/// Returns the tables of the datasets that have several scenes.
+/// Returns the tables of datasets with several scenes.
 std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& scenes,
                                             const std::vector<Column>& columns) {
     std::vector<std::string> order;
@@ -237,7 +237,7 @@ std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& 
     return tables;
 }
 
-/// Throws UsageError naming runs and protocols unless all runs have one protocol, or all state none.
+/// Throws UsageError naming runs and protocols unless all runs have the same protocol, or all have none.
 void require_one_protocol(const std::vector<RunResult>& runs) {
     if (std::all_of(runs.begin(), runs.end(),
                     [&](const RunResult& run) { return run.protocol_line() == runs[0].protocol_line(); }))

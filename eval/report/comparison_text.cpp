@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes tables for readers, as Markdown and LaTeX, and for programs, as CSV and JSON.
+// Writes tables as Markdown and LaTeX for readers, and as CSV and JSON for programs.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
 
-/// Writes a value of a column: with its unit, or in `unit`, which the heading names.
+/// Formats a value of a column: with its unit, or in `unit`, which the heading names.
 std::string value_text(const Column& column, const ColumnUnit* unit, double value) {
     return unit ? fmt::format("{:.{}f}", value * unit->factor, unit->decimals) : column.text(value);
 }
@@ -24,7 +24,7 @@ std::string value_text(const Column& column, const ColumnUnit* unit, double valu
 TextCell cell_of(const ComparisonLine& line, const Column& column, const ColumnUnit* unit,
                  const std::optional<ColumnStats>& stats) {
     if (stats) {
-        // "+- 0" says something about a metric; sizes are mostly equal by construction.
+        // "+- 0" is informative for a metric; sizes are mostly equal by construction.
         const bool varies = stats->deviation && (!column.cost || *stats->deviation > 0);
         return {value_text(column, unit, stats->mean), varies ? value_text(column, unit, *stats->deviation) : "",
                 stats->place};
@@ -37,11 +37,11 @@ TextCell cell_of(const ComparisonLine& line, const Column& column, const ColumnU
     return {std::any_of(line.runs.begin(), line.runs.end(), lacks_weights) ? "no weights" : "not measured", "", 0};
 }
 
-/// Returns the lowest PSNR and its run.
+/// Returns a cell with the lowest PSNR and its run.
 TextCell worst_cell(const ComparisonLine& line, const Column& psnr, const std::optional<ColumnStats>& stats) {
     if (line.num_runs < 2 || !stats) return {"-", "", 0};
     const std::string value = psnr.text(stats->worst);
-    // A dataset's k-th run has one in every scene, so that the seed names it.
+    // A dataset's k-th run consists of one run per scene, so the seed identifies it.
     return {line.num_scenes > 1 ? fmt::format("{} (seed {})", value, line.runs[stats->worst_run].seed)
                                 : fmt::format("{} ({})", value, line.runs[stats->worst_run].run),
             "", 0};
@@ -70,7 +70,7 @@ std::string latex(const TextTable& table, const std::string& protocol) {
         for (const TextCell& cell : line) cells.push_back(latex_of(cell));
         text += joined(cells);
     }
-    // The protocol is a paragraph of its own, because a cell of that length would widen the table.
+    // The protocol is a separate paragraph, because a cell of that length would widen the table.
     return text + fmt::format("\\bottomrule\n\\end{{tabular}}\n\\par\\smallskip\n{{\\footnotesize {}\\par}}\n",
                               latex_escaped(protocol));
 }
@@ -196,7 +196,7 @@ std::string comparison_json(const Comparison& comparison) {
                                   {"scene", table.scene.empty() ? Json(nullptr) : Json(table.scene)},
                                   {"lines", lines}});
     }
-    // JSON must be UTF-8, which names of files need not be.
+    // JSON must be UTF-8, but file names need not be.
     return json_text(json, 1) + "\n";
 }
 

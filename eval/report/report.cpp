@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Puts every part of the page into its place, and chooses and fills its plots.
+// Assembles the page, and chooses and fills its plots.
 #include "eval/report/report.h"
 
 #include <fmt/format.h>
@@ -17,7 +17,7 @@
 namespace gs {
 namespace {
 
-/// Returns the runs of all scenes. The tables of datasets repeat them and are skipped.
+/// Returns the runs of all scenes. Dataset tables repeat them and are skipped.
 std::vector<const RunResult*> runs_of(const Comparison& comparison) {
     std::vector<const RunResult*> runs;
     for (const ComparisonTable& table : comparison.tables) {
@@ -69,7 +69,7 @@ std::string report_frame_times(const Comparison& comparison) {
 std::string report_stability(const Comparison& comparison) {
     std::vector<std::string> models;
     for (const RunResult* run : runs_of(comparison))
-        models.push_back(run->model.substr(0, run->model.find(' ')));  // no degree
+        models.push_back(run->model.substr(0, run->model.find(' ')));  // without the degree
     TextTable table = stability_table(measure_stability(models));
     table.title = "Largest errors of single precision at the extremes of every input";
     return html_table(table, "");
@@ -77,7 +77,7 @@ std::string report_stability(const Comparison& comparison) {
 
 void write_report(const std::filesystem::path& path, const Comparison& comparison, const ReportOptions& options) {
     std::string page = page_head("gsapp: comparison of runs") + kReportPage;
-    // Fills in from the end of the page, because texts of users may hold placeholders themselves.
+    // Fills from the end of the page, because user text may itself contain placeholders.
     fill(page, "pictures", report_pictures(comparison, options));
     fill(page, "program", html_escaped(version_text()));
     fill(page, "stability", report_stability(comparison));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Embeds pictures of the run folders as data URIs.
+// Embeds images of the run folders as data URIs.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -18,8 +18,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kJpegQuality = 90;  ///< its artefacts vanish beside those of the models
-constexpr int kErrorGain = 4;     ///< factor on errors, a few per cent for a trained model; the page names it
+constexpr int kJpegQuality = 90;  ///< artefacts far below those of the models
+constexpr int kErrorGain = 4;     ///< factor on errors, which are a few per cent for a trained model; shown on the page
 
 std::string base64(const std::vector<std::uint8_t>& bytes) {
     static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -33,7 +33,7 @@ std::string base64(const std::vector<std::uint8_t>& bytes) {
     return text;
 }
 
-/// Returns |a - b|, amplified.
+/// Returns |a - b|, multiplied by the error gain.
 Image error_of(const Image& a, const Image& b) {
     Image error = a;
     for (std::size_t i = 0; i < error.u8.size(); ++i)
@@ -41,7 +41,7 @@ Image error_of(const Image& a, const Image& b) {
     return error;
 }
 
-/// The data URIs, each kept once because runs of one scene share their photographs.
+/// Data URIs, each stored once because runs of one scene share their photographs.
 class Images {
   public:
     explicit Images(int max_width) : max_width_(max_width) {}
@@ -62,7 +62,7 @@ class Images {
     std::vector<std::string> uris_;
 };
 
-/// Returns file index and name of up to `max_views` test views that the run has pictures of.
+/// Returns file index and name of up to `max_views` test views of which the run has images.
 std::vector<std::pair<int, std::string>> views_of(const RunResult& run, int max_views) {
     std::vector<std::pair<int, std::string>> all, chosen;
     if (!path_exists(RunFolder{run.folder}.per_view())) return {};
@@ -114,7 +114,7 @@ std::string report_pictures(const Comparison& comparison, const ReportOptions& o
             Json own = Json::array();
             for (const auto& view : views) own.push_back(view.second);
             if (names.empty()) names = own;
-            if (own.empty() || own != names) continue;  // runs with other views than the first one do not compare
+            if (own.empty() || own != names) continue;  // other views than the first run's are not comparable
             runs.push_back({{"label", line.runs[0].run + (line.model.empty() ? "" : ", " + line.model)},
                             {"layers", layers_of(line.runs[0], views, images)}});
         }
@@ -122,7 +122,7 @@ std::string report_pictures(const Comparison& comparison, const ReportOptions& o
     }
     const Json json = {{"gain", kErrorGain}, {"scenes", scenes}, {"images", images.uris()}};
     std::string text = json_text(json);
-    // A name that contains "</script>" would end the element.
+    // A name containing "</script>" would end the element.
     for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at))
         text.replace(at, 1, "\\u003c");
     return text;

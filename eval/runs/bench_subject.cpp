@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads a trained model, or makes the initial one, and opens or generates what is timed.
+// Reads a trained model or creates the initial one, and opens or generates the models that are timed.
 #include "eval/runs/bench_subject.h"
 
 #include <fmt/format.h>
@@ -23,7 +23,7 @@ BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64
     if (iteration && !trained)
         throw UsageError("--iteration: there is no trained model in '" + options.model + "'; name its folder with -m");
     BenchSubject subject{options.source + ", initial points", {}, {}};
-    if (trained) {  // read first: a mistake here should not wait for the scene
+    if (trained) {  // read before the slow scene, so that errors appear early
         SavedModel saved = read_saved_model(options.model, iteration);
         subject.scene = load_scene_of(saved, options);
         subject.model = std::move(saved.state);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The request for a part of a picture, and the mean of what it gives.
+// Builds the request for a part of an image, and computes the mean of an image.
 #include "eval/runs/decompose.h"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses the correction of a view and says it in words, runs the evaluation loop and writes the side-by-side picture.
+// Chooses and describes the correction of a view, runs the evaluation loop and writes the side-by-side image.
 #include "eval/runs/evaluate.h"
 
 #include <fmt/format.h>
@@ -48,8 +48,7 @@ struct Pair {
     double render_seconds = 0;
 };
 
-/// Renders views, each with its parts if these are wanted, and in the aligned modes fits their colours to the
-/// photographs.
+/// Renders views, each with its parts if requested, and in the aligned modes fits their colours to the photographs.
 class Renderer {
   public:
     Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction,
@@ -69,7 +68,7 @@ class Renderer {
     Renderer(const Renderer&) = delete;
     Renderer& operator=(const Renderer&) = delete;
 
-    /// Fits the map that all views share in the mode kSceneAligned.
+    /// Fits the colour map that all views share in mode kSceneAligned.
     void align(const std::vector<View>& views) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
         RenderQueue renders(backend_, requests(views, false));
@@ -77,7 +76,7 @@ class Renderer {
         for (const View& view : views) fit.add(renders.next(), photograph_of(view, background_, protocol_));
         common_ = fit.solve();
     }
-    /// Names the views that pair() is then called with, in their order.
+    /// Sets the views for the following calls of pair(), in their order.
     void begin(const std::vector<View>& views) { renders_.emplace(backend_, requests(views, with_parts_)); }
 
     Pair pair(const View& view) {
@@ -96,7 +95,7 @@ class Renderer {
         return pair;
     }
 
-    /// Returns the next part of the view of the last pair(), base or residual.
+    /// Returns the next part, base or residual, of the view last passed to pair().
     RenderedImage part() { return renders_->next(); }
 
   private:
@@ -116,11 +115,11 @@ class Renderer {
     const Protocol protocol_;
     const bool with_parts_;
     std::optional<RenderQueue> renders_;
-    PpispState before_;  ///< the backend's own state while it is changed
+    PpispState before_;  ///< the backend's own state during the change
     std::optional<ColourMap> common_;
 };
 
-/// Takes base and residual of a view, writes them where pictures are wanted, and returns the residual's mean.
+/// Renders base and residual of a view, writes them if images are saved, and returns the residual's mean.
 double decompose(Renderer& renderer, int index, const EvalOptions& options) {
     double residual_mean = 0;
     for (const auto& [mode, name] : kPictureParts) {
@@ -134,8 +133,8 @@ double decompose(Renderer& renderer, int index, const EvalOptions& options) {
     return residual_mean;
 }
 
-/// Returns the means over views. A metric that fails on one view has none, since means over different views do not
-/// compare.
+/// Returns the means over views. A metric that failed on one view has no mean, because means over different views are
+/// not comparable.
 std::map<std::string, MetricScore> mean_scores(const std::vector<ViewScore>& views) {
     std::map<std::string, MetricScore> means;
     for (const ViewScore& view : views) {
@@ -287,7 +286,7 @@ void write_comparison(const std::filesystem::path& path, Backend& backend, const
     const int count = std::min<int>(max_views, int(views.size()));
     if (count <= 0) throw UsageError(fmt::format("{}: no views to compare", path.string()));
     std::vector<Pair> pairs;
-    Renderer renderer(backend, background, correction, protocols().front());  // a protocol of 8 bits
+    Renderer renderer(backend, background, correction, protocols().front());  // an 8-bit protocol
     renderer.align(views);
     std::vector<View> some;
     for (int i = 0; i < count; ++i) some.push_back(views[std::size_t(i) * views.size() / std::size_t(count)]);

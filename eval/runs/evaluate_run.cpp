@@ -21,7 +21,7 @@ namespace gs {
 namespace fs = std::filesystem;
 namespace {
 
-/// The pictures of an evaluation on their way to their folder, which stays as it was until all are there.
+/// The images of an evaluation, collected in a work folder; their final folder stays unchanged until commit().
 class NewPictures {
   public:
     NewPictures(const fs::path& folder, const std::string& split) : folder_(folder) {
@@ -30,7 +30,7 @@ class NewPictures {
     }
     ~NewPictures() {
         work_.reset();
-        std::error_code ignored;  // only empty folders are removed: nothing came of them
+        std::error_code ignored;  // removes only folders that stayed empty
         for (const fs::path& made : missing_) fs::remove(made, ignored);
     }
     NewPictures(const NewPictures&) = delete;
@@ -38,7 +38,7 @@ class NewPictures {
 
     const fs::path& path() const { return work_->path(); }
 
-    /// Moves the pictures to their places. Throws DataError.
+    /// Moves the images to their final folders. Throws DataError.
     void commit() {
         std::set<fs::path> changed;
         for (const auto& entry : fs::recursive_directory_iterator(path())) {
@@ -52,7 +52,7 @@ class NewPictures {
 
   private:
     const fs::path folder_;
-    std::vector<fs::path> missing_;  ///< the folder and those above it that did not exist
+    std::vector<fs::path> missing_;  ///< the folder and its ancestors that did not exist
     std::optional<WorkFolder> work_;
 };
 

@@ -9,14 +9,14 @@
 
 namespace gs {
 
-/// The folder of a run's results: the run's own, or RUN/on-SCENE for the views of another `source`, which are kept
-/// apart.
+/// Returns the folder of a run's results: the run's own folder, or RUN/on-SCENE for the views of another `source`,
+/// whose results are kept separate.
 std::filesystem::path results_folder(const std::filesystem::path& run, const std::string& source);
 
-/// Scores the test views of `run` as `options` say (evaluate_views) and writes results.json and per_view.json to
-/// `results`, with the mean frame time over `frame_rounds` rounds through the views unless that is 0. Says
-/// in the log what could not be measured. Pictures and results appear when all are there. Throws what evaluate_views
-/// and write_results throw.
+/// Scores the test views of `run` with `options` (evaluate_views) and writes results.json and per_view.json to
+/// `results`, with the mean frame time over `frame_rounds` rounds through the views unless that is 0. Logs the metrics
+/// that could not be measured. Images and results appear only after all have been computed. Throws the errors of
+/// evaluate_views and write_results.
 RunResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rounds,
                        const std::filesystem::path& results);
 

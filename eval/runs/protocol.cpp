@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Holds the table of protocols and puts a protocol into words.
+// Holds the table of protocols and describes a protocol in words.
 #include "eval/runs/protocol.h"
 
 #include <fmt/format.h>
@@ -29,12 +29,12 @@ std::string colour_name(const Vec3<float>& c) {
 
 const std::vector<Protocol>& protocols() {
     static const std::vector<Protocol> table = {
-        // NeRFICG is the framework of the paper. It does not pin torchmetrics, which up to 1.4.1 counts windows inside
-        // the image for SSIM.
+        // NeRFICG is the paper's framework. It does not pin torchmetrics, which up to 1.4.1 averages SSIM over windows
+        // inside the image only.
         {"paper", "images_N as shipped, else area resize", true, SsimBorder::kValid, LpipsNet::kVgg,
          LpipsRange::kSymmetric, kBlack, ""},
-        // 3DGS's metrics.py reads the PNGs of render.py and leaves LPIPS's inputs in [0,1]. White for NeRF-synthetic
-        // comes from -w.
+        // 3DGS's metrics.py reads the PNGs of render.py and leaves LPIPS's inputs in [0,1]. The white background of
+        // NeRF-synthetic comes from -w.
         {"inria", "images_N as shipped by -i, else at most 1600 px wide", true, SsimBorder::kZero, LpipsNet::kVgg,
          LpipsRange::kUnit, std::nullopt, "area resize where 3DGS resizes with PIL bicubic"},
         // gsplat's simple_trainer keeps renders as float. Current torchmetrics mirrors borders.
@@ -72,7 +72,7 @@ std::string protocol_line(const Protocol& protocol, const Vec3<float>& backgroun
         line += "; background as trained";
     } else {
         line += "; background " + colour_name(background);
-        // A background that the model was not trained on would be scored instead of the model.
+        // Renders over a background that the model was not trained on would score the background, not the model.
         if (!same(background, *protocol.background))
             line += fmt::format(" as trained (instead of {})", colour_name(*protocol.background));
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders the next views when all that were rendered are taken.
+// Renders the next batch of views after all images of the last batch have been taken.
 #include "eval/runs/render_queue.h"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Merges results into the JSON files of a run, and reads them with its config.yaml.
+// Merges results into the JSON files of a run, and reads these files together with config.yaml.
 #include "eval/runs/results.h"
 
 #include <fmt/format.h>
@@ -38,13 +38,13 @@ Json existing(const std::filesystem::path& path) {
     return json;
 }
 
-/// Returns the object under `key` and makes one if there is none.
+/// Returns the object under `key`, creating it if there is none.
 Json& section(Json& json, const std::string& key) {
     if (!json[key].is_object()) json[key] = Json::object();
     return json[key];
 }
 
-/// Returns object[key]; null when either is missing.
+/// Returns object[key]; null if either is missing.
 const Json* at(const Json* object, const std::string& key) {
     if (!object || !object->is_object()) return nullptr;
     const auto found = object->find(key);
@@ -100,7 +100,7 @@ void write_per_view(const RunFolder& folder, const RunResult& result) {
 void write_results(const RunFolder& folder, const RunResult& result) {
     const std::string key = key_of(result.iteration);
     Json results = existing(folder.results());
-    results[key] = {{"SSIM", nullptr}, {"PSNR", nullptr}};  // the order of 3DGS
+    results[key] = {{"SSIM", nullptr}, {"PSNR", nullptr}};  // in the order of 3DGS
     section(results, "protocol");
     section(results, "not_measured").erase(key);  // the reasons of this evaluation replace earlier ones
     for (const auto& [name, score] : result.scores) {
@@ -144,7 +144,7 @@ RunResult read_results(const std::filesystem::path& run_folder, std::optional<st
     result.folder = run_folder;
     std::error_code ignored;
     const auto folder =
-        std::filesystem::absolute(run_folder, ignored).lexically_normal();  // so that "." has a name, too
+        std::filesystem::absolute(run_folder, ignored).lexically_normal();  // so that "." gets a name, too
     result.run = (folder.has_filename() ? folder : folder.parent_path()).filename().string();
     result.iteration = *chosen;
     for (const ResultField& field : result_fields()) {
@@ -168,7 +168,7 @@ void read_training(RunResult& result, const std::filesystem::path& run_folder) {
         const TrainOptions options = load_run_options(run_folder);
         result.seed = options.seed;
         result.training = training_options(options);
-    } catch (const Error&) {  // the folder is of another program or version
+    } catch (const Error&) {  // the folder belongs to another program or version
     }
 }
 
@@ -186,7 +186,7 @@ std::optional<RunResult> finished_run(const TrainOptions& options) {
         RunResult result = read_results(folder.root, *last);
         read_training(result, folder.root);
         return result.train_seconds ? std::optional(result) : std::nullopt;  // the time is written last
-    } catch (const DataError&) {  // the results are of another iteration or cut short
+    } catch (const DataError&) {  // the results are of another iteration or truncated
         return std::nullopt;
     }
 }

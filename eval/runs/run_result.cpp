@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists the fields, and turns their values into JSON and back.
+// Lists the fields, and converts their values to JSON and back.
 #include "eval/runs/run_result.h"
 
 #include <cmath>
@@ -46,7 +46,7 @@ bool read(const Json& json, Json& value) {
     return true;
 }
 
-/// Reads frame times unless one of their numbers is missing.
+/// Reads frame times; fails if one of their numbers is missing.
 bool read(const Json& json, std::optional<FrameTimes>& value) {
     FrameTimes times;
     const auto count = [&](const char* name, int& number) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compares a scene with the list of views in a run, and collects the options that decide what a training makes, as
+// Compares a scene with the list of views in a run, and collects the options that determine the trained model, as
 // texts.
 #include "eval/runs/run_scene.h"
 
@@ -23,10 +23,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// How far rounding moves a camera, relative to the size of what it belongs to: text files have as few as six digits.
-/// A tenth of a pixel where the image has 1000.
+/// Largest camera difference due to rounding, relative to the size of the quantity: text files may have only six
+/// digits. A tenth of a pixel for an image 1000 pixels wide.
 constexpr double kTolerance = 1e-4;
-/// The same for a position far from the origin, relative to its distance from there: single precision.
+/// Largest rounding of a position far from the origin, relative to its distance from the origin: single precision.
 constexpr double kFarTolerance = 1e-7;
 
 std::string place_of(const std::string& source) {
@@ -49,7 +49,7 @@ void sort_by_name(std::vector<ListedView>& views) {
     });
 }
 
-/// Returns the largest distance of a camera from the mean of all.
+/// Returns the largest distance of a camera from the mean of all cameras.
 double extent_of(const std::vector<ListedView>& views) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (const ListedView& view : views) mean += view.camera.center() / double(views.size());
@@ -58,7 +58,7 @@ double extent_of(const std::vector<ListedView>& views) {
     return extent;
 }
 
-/// Returns the first name in `views` that `others` do not have, both sorted; empty if there is none.
+/// Returns the first name in `views` that is missing from `others`, both sorted; empty if there is none.
 std::string first_without(const std::vector<ListedView>& views, const std::vector<ListedView>& others) {
     std::vector<ListedView> rest;
     std::set_difference(views.begin(), views.end(), others.begin(), others.end(), std::back_inserter(rest),
@@ -76,7 +76,7 @@ std::string difference_in_names(const std::vector<ListedView>& own, const std::v
     return text;
 }
 
-/// Says how two cameras of one image differ; empty if only by rounding. Without `same_size` their poses alone count.
+/// Describes how two cameras of one image differ; empty if only by rounding. Without `same_size` only poses count.
 std::string difference_of_cameras(const Camera& own, const Camera& now, double extent, bool same_size) {
     const auto near = [](double a, double b, double size) { return std::abs(a - b) <= kTolerance * size; };
     if (same_size && !(near(own.fx, now.fx, own.fx) && near(own.fy, now.fy, own.fy)))
@@ -94,7 +94,8 @@ std::string difference_of_cameras(const Camera& own, const Camera& now, double e
 
 void require_scene_exists(const fs::path& run_folder, const TrainOptions& options) {
     if (scene_exists(options.source) || !path_exists(RunFolder{run_folder}.config())) return;
-    if (load_run_options(run_folder).source != options.source) return;  // named by the user: load_scene says it
+    // The user gave this source: load_scene reports the error.
+    if (load_run_options(run_folder).source != options.source) return;
     throw DataError(
         fmt::format("'{}': its scene '{}' is not there any more, and not at the same place relative to the run either; "
                     "name where it is now with -s SCENE",
@@ -121,7 +122,7 @@ std::string difference_to_scene(const fs::path& run_folder, const TrainOptions& 
     if (own.empty()) return "";
     const TrainOptions run = load_run_options(run_folder);
     const std::string before = place_of(run.source), place = place_of(options.source);
-    // Built-in scenes may share their cameras and differ in what these see.
+    // Built-in scenes may share their cameras but have different content.
     if (before != place && (before.starts_with("builtin:") || place.starts_with("builtin:")))
         return fmt::format("the run has {}", run.source);
     sort_by_name(own), sort_by_name(now);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loads a run folder's model to a backend.
+// Loads the model of a run folder onto a backend.
 #include "eval/runs/saved_run.h"
 
 #include <fmt/format.h>
@@ -59,7 +59,7 @@ TrainOptions saved_options(const fs::path& run_folder, const RunChanges& instead
     const bool bare = is_point_cloud(run_folder);
     if (bare && !instead.point_cloud)
         throw UsageError(fmt::format("'{}' is no run folder, which is needed here", run_folder.string()));
-    // A file of another kind is not asked for its scene.
+    // Checks the kind of file first, so that a wrong file is not reported as a missing scene.
     require_model_file(run_folder);
     if (bare) PlyReader{run_folder};
     TrainOptions options = bare ? *instead.point_cloud : load_run_options(run_folder);
@@ -78,7 +78,7 @@ TrainOptions saved_options(const fs::path& run_folder, const RunChanges& instead
 }
 
 bool is_point_cloud(const fs::path& path) {
-    std::error_code error;  // what cannot be looked at is named where it is read
+    std::error_code error;  // inaccessible paths are reported by the later read
     const fs::file_status status = fs::status(path, error);
     if (fs::is_directory(status)) return false;
     return path.extension() == ".ply" || fs::exists(status);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Picks views, and scores Gaussians on them.
+// Chooses views, and scores Gaussians on them.
 #include "eval/runs/shown_views.h"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scores of the held-out views, written while the training goes on.
+// Scores the held-out views and writes the results during training.
 #include "eval/runs/training_evaluation.h"
 
 #include <fmt/format.h>
@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-constexpr int kComparisonViews = 4;  // enough to judge a scene, small enough for one screen
+constexpr int kComparisonViews = 4;  // enough to judge a scene, and fits on one screen
 
 }  // namespace
 
@@ -27,11 +27,11 @@ void add_training(RunResult& result, const TrainSummary& summary) {
 TrainingEvaluation::TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress,
                                        int frame_rounds)
     : options_(options), scene_(scene), progress_(progress), frame_rounds_(frame_rounds) {
-    background_ = options.background.color;  // black where the training draws random ones
+    background_ = options.background.color;  // black if training draws random colours
 }
 
 std::optional<TestScores> TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend, bool last) {
-    // Pictures of intermediate iterations would fill disks; their scores are kept.
+    // Images of intermediate iterations would fill disks; only their scores are kept.
     const EvalOptions eval{.run_folder = last ? std::filesystem::path(options_.model) : std::filesystem::path(),
                            .iteration = iteration,
                            .split_rule = scene_.split_rule,

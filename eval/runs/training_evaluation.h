@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the held-out views while a run is trained, and when it has ended.
+// Scores the held-out views during training and at its end.
 #pragma once
 
 #include <cstdint>
@@ -14,25 +14,25 @@
 
 namespace gs {
 
-/// Adds time, memory and photometric decision of a training. The time of a part is not that of the run.
+/// Adds time, memory and photometric decision of a training. The time of one part is not added as that of the run.
 void add_training(RunResult& result, const TrainSummary& summary);
 
-/// Takes the place of TrainHooks::evaluate and keeps the latest scores.
+/// Implements TrainHooks::evaluate and keeps the latest scores.
 class TrainingEvaluation {
   public:
-    /// `scene` has test views. `frame_rounds`: rounds through these in which frames of the trained model are timed; 0 =
-    /// none. The references have to outlive the object.
+    /// `scene` must have test views. `frame_rounds`: number of rounds through these in which frames of the trained
+    /// model are timed; 0 = none. The references must outlive the object.
     TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress, int frame_rounds);
 
     /// Scores the test views after `iteration` iterations and writes results.json. After the last iteration also writes
-    /// the pictures and comparison.png. Returns the means.
+    /// the images and comparison.png. Returns the means.
     std::optional<TestScores> operator()(std::int64_t iteration, Backend& backend, bool last);
 
-    /// Adds to results.json what is known only after the training: add_training, how the appearance was chosen, and the
-    /// `plan` with what came of it, null if there was none.
+    /// Adds to results.json the values known only after training: those of add_training, how the appearance was chosen,
+    /// and the `plan` with its outcome, null without a plan.
     void finish(const TrainSummary& summary, const nlohmann::ordered_json& plan = {});
 
-    /// The iteration that was scored last; 0 = none yet.
+    /// Returns the iteration that was scored last; 0 = none yet.
     std::int64_t iteration() const { return result_.iteration; }
 
   private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packs a run for the web viewer and scores what that loses, or converts it for other programs.
+// Packs a run for the web viewer and scores the loss, or converts it for other programs.
 #include "apps/gsapp/export/export_run.h"
 
 #include <fmt/format.h>
@@ -42,13 +42,13 @@
 namespace gs {
 namespace {
 
-/// Returns what a site calls the scene of a run.
+/// Returns the scene name of a run for a site.
 std::string name_of(const SavedRun& run) {
     return run.options.source.empty() ? run.folder.stem().string() : scene_name(run.options.source);
 }
 
-/// Returns the JSON of a file about itself, which stands after the last texture. `num_all`: Gaussians of the model of
-/// which this is a coarser level; 0: it is none.
+/// Returns the JSON metadata of a file, stored after the last texture. `num_all`: number of Gaussians of the full model
+/// if this is a coarser level of it; 0 otherwise.
 std::string trailer(const SavedRun& run, const Gaussians& model, const PackedScene& scene,
                     const std::optional<PackingLoss>& loss, bool described, std::int64_t num_all) {
     nlohmann::ordered_json json = {{"generator", version_text()},
@@ -70,12 +70,12 @@ std::string trailer(const SavedRun& run, const Gaussians& model, const PackedSce
     return json_text(json);
 }
 
-/// Whether programs that know spherical harmonics alone show these colours as they are.
+/// Returns whether programs that support only spherical harmonics show these colours exactly.
 bool is_plain_sh(const Gaussians& g) {
     return appearance_model(g.appearance.model).plain_sh && g.appearance.activation == ColorActivation::kRelu;
 }
 
-/// Returns the rotation of ExportRequest::up, `up` not empty.
+/// Returns the rotation of ExportRequest::up; `up` must not be empty.
 Eigen::Matrix3d turn_of(const std::string& up, const std::vector<Camera>& cameras) {
     if (cameras.empty())
         throw UsageError("--up: no cameras say what is up in a point cloud without a run; name its --source SCENE");
@@ -84,7 +84,7 @@ Eigen::Matrix3d turn_of(const std::string& up, const std::vector<Camera>& camera
     return turn_to(up_direction(cameras), up == "-y" ? Eigen::Vector3d(-axis) : axis);
 }
 
-/// Turns a run with its cameras.
+/// Rotates a run and its cameras.
 void turn_run(SavedRun& run, const std::string& up) {
     std::vector<Camera> cameras;
     for (const auto* views : {&run.scene.test, &run.scene.train})
@@ -98,24 +98,24 @@ void turn_run(SavedRun& run, const std::string& up) {
     run.scene.frame.center = rotation * run.scene.frame.center;
 }
 
-/// One file of a run.
+/// One packed file of a run.
 struct PackedLevel {
     PackedScene scene;
     std::optional<PackingLoss> loss;
 };
 
-/// A run packed for the viewer, and what is said of it beside the files.
+/// A run packed for the viewer, and its metadata for site.json.
 struct PackedRun {
-    std::vector<PackedLevel> levels;  ///< the whole model, then coarser ones
-    std::vector<View> views;          ///< the test views, or without any some of those of the training
+    std::vector<PackedLevel> levels;  ///< the full model, then coarser levels
+    std::vector<View> views;          ///< the test views, or some of the training views if there are none
     bool has_test_views = false;
     Vec3<float> background;
     std::string scene_name;
     std::string start;  ///< StartView::fragment
-    Image preview;      ///< what the page begins with; without pixels if no page was asked for
+    Image preview;      ///< preview image of the page; without pixels if no page was requested
 };
 
-/// Finds what the page of a site begins with, and renders it.
+/// Finds the page's first view, and renders its preview.
 void add_start(PackedRun& packed, SavedRun& run, const Gaussians& model, const std::string& start_view) {
     std::vector<Camera> cameras;
     for (const View& view : packed.views) cameras.push_back(view.camera);
@@ -133,8 +133,9 @@ void add_start(PackedRun& packed, SavedRun& run, const Gaussians& model, const s
     packed.preview = quantized_render(image);
 }
 
-/// Packs a run and its levels. `described`: whether a site.json lies beside the file. `coarser`: whether to make
-/// coarser levels. `begins`: whether a viewer's page begins with this run, which needs its first view and its preview.
+/// Packs a run and its levels. `described`: whether a site.json is written beside the file. `coarser`: whether to
+/// create coarser levels. `begins`: whether the viewer's page starts with this run, and so needs its first view and its
+/// preview.
 PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& folder, const SiteOptions& site,
                    bool described, bool coarser, bool begins) {
     SavedRun run = open_saved_run(folder, request.iteration, request.changes);
@@ -154,10 +155,11 @@ PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& fo
                      .scene_name = name_of(run),
                      .start = {},
                      .preview = {}};
-    if (begins) add_start(packed, run, models[0].gaussians, site.start_view);  // first: --start-view may be refused
+    // Comes first, because --start-view may be refused.
+    if (begins) add_start(packed, run, models[0].gaussians, site.start_view);
     std::optional<PackedPpisp> correction;
     if (all.ppisp.active()) correction = packed_correction(run, packed.views);
-    // It uploads the model, whose views packing_loss() compares with below.
+    // Uploads the model, whose views packing_loss() compares below.
     models[0].scores = view_scores(run, models[0].gaussians);
     if (coarser) {
         if (run.scene.train.empty() && !has_test_views)
@@ -173,7 +175,7 @@ PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& fo
         order_by_importance(model, scores);
         PackedLevel level{pack_gaussians(model), std::nullopt};
         PackedScene& scene = level.scene;
-        add_cameras(scene, models[0].gaussians, packed.views);  // of all levels the same
+        add_cameras(scene, models[0].gaussians, packed.views);  // the same for all levels
         scene.ppisp = correction;
         if (has_test_views && is_whole)
             level.loss = packing_loss(run, scene);
@@ -194,7 +196,7 @@ bool is_same_camera(const Camera& a, const Camera& b) {
            (a.translation - b.translation).norm() <= kTolerance * (1 + a.translation.norm());
 }
 
-/// Throws UsageError unless both runs have the same views: pictures of other scenes, sizes or splits do not compare.
+/// Throws UsageError unless both runs have the same views: images of other scenes, sizes or splits are not comparable.
 void require_same_views(const PackedRun& a, const PackedRun& b, const ExportRequest& request, const SiteOptions& site) {
     const std::string runs = fmt::format("{} and {} do not compare", request.run.string(), site.second_run.string());
     const char* kind = a.has_test_views ? "test" : "training";
@@ -238,7 +240,7 @@ void log_levels(const PackedRun& run) {
     }
 }
 
-/// Writes the levels of the first run, and returns what site.json says of them.
+/// Writes the levels of the first run, and returns their entries for site.json.
 nlohmann::ordered_json write_levels(const std::filesystem::path& folder, const PackedRun& run) {
     nlohmann::ordered_json out = nlohmann::ordered_json::array();
     for (std::size_t k = 0; k < run.levels.size(); ++k) {
@@ -253,7 +255,8 @@ nlohmann::ordered_json write_levels(const std::filesystem::path& folder, const P
     return out;
 }
 
-/// Writes the photographs of at most `most` views. Returns their paths in the site, null for views without one.
+/// Writes the photographs of at most `most` views. Returns their paths in the site, null for views without a
+/// photograph.
 nlohmann::ordered_json write_photographs(const std::filesystem::path& folder, const PackedRun& run, int most) {
     const std::size_t all = run.views.size(), count = std::min(all, std::size_t(most));
     nlohmann::ordered_json paths(all, nullptr);
@@ -266,7 +269,7 @@ nlohmann::ordered_json write_photographs(const std::filesystem::path& folder, co
     return paths;
 }
 
-/// Copies the viewer, whose page begins with the run, and writes the picture of its first view.
+/// Copies the viewer, whose page starts with the run, and writes the image of its first view.
 void write_page(const std::filesystem::path& folder, const std::filesystem::path& viewer, const PackedRun& run,
                 const SiteOptions& site) {
     copy_folder(viewer, folder);
@@ -282,7 +285,7 @@ void write_page(const std::filesystem::path& folder, const std::filesystem::path
     write_text_atomic(page, with_head(read_input(page), head));
 }
 
-/// Throws for options that cannot be followed, before any time is spent.
+/// Throws for options that cannot be applied, before any time is spent.
 void require_page(const SiteOptions& site, bool has_viewer) {
     const bool is_asked = !site.title.empty() || !site.start_view.empty() || !site.url.empty();
     if (is_asked && !has_viewer)
@@ -292,7 +295,7 @@ void require_page(const SiteOptions& site, bool has_viewer) {
     if (!site.url.empty()) folder_url(site.url);
 }
 
-/// Returns what the page calls the runs: the names of their folders, or where these are the same the paths.
+/// Returns the names of the runs on the page: the names of their folders, or the paths if these names are equal.
 std::vector<std::string> run_names(const std::vector<std::filesystem::path>& folders) {
     std::vector<std::string> names;
     for (const auto& folder : folders) {
@@ -304,7 +307,7 @@ std::vector<std::string> run_names(const std::vector<std::filesystem::path>& fol
     return names;
 }
 
-/// Returns the cameras that say what is up: those of cameras.json in a run, those of the scene of a point cloud.
+/// Returns the cameras that define the up direction: cameras.json of a run, or the scene of a point cloud.
 std::vector<Camera> cameras_of(const ExportRequest& request) {
     if (!is_point_cloud(request.run)) return read_camera_path(RunFolder{request.run}.cameras(), Frame{}).cameras;
     std::vector<Camera> cameras;

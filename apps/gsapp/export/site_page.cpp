@@ -19,10 +19,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Photographs that are turned by less stand upright (the viewer's MOST_ROLL), here as a tangent.
+/// Largest roll of a photograph that is shown upright (the viewer's MOST_ROLL), as a tangent.
 constexpr double kMostRoll = 0.176;
 
-/// Returns the camera without its roll; one that lies on its side is as wide as it was high.
+/// Returns the camera without its roll; for a camera on its side, width and height are swapped.
 Camera upright(Camera camera, const Vector3d& up) {
     const double x = up.dot(camera.rotation.row(0)), y = -up.dot(camera.rotation.row(1));
     if (std::hypot(x, y) < 0.3 || (y > 0 && std::abs(x) <= kMostRoll * y)) return camera;
@@ -38,7 +38,8 @@ Camera upright(Camera camera, const Vector3d& up) {
     return camera;
 }
 
-/// Looks from one point to another, with a vertical field of view in degrees, and the shape of `like`.
+/// Returns a camera that looks from one point to another, with a vertical field of view in degrees and the aspect ratio
+/// of `like`.
 Camera looking(const Vector3d& from, const Vector3d& to, double fov, const Camera& like, const Vector3d& up) {
     Camera camera = like;
     camera.cx = 0.5 * camera.width, camera.cy = 0.5 * camera.height;
@@ -58,8 +59,8 @@ std::string without_extension(const std::string& name) {
     return std::filesystem::path(name).replace_extension().generic_string();
 }
 
-/// Returns how well a photograph's name fits what was asked for: 3 as it is, 2 without its extension, 1 without its
-/// folder, 0 not at all.
+/// Returns the match quality of a photograph's name: 3 for the exact name, 2 without its extension, 1 without its
+/// folder, 0 for no match.
 int fit(const std::string& name, const std::string& wanted) {
     const std::string file = std::filesystem::path(name).filename().string();
     if (name == wanted) return 3;
@@ -67,7 +68,7 @@ int fit(const std::string& name, const std::string& wanted) {
     return file == wanted || without_extension(file) == wanted ? 1 : 0;
 }
 
-/// Returns the photograph of this name; null if there is none. Throws UsageError if several are called so.
+/// Returns the photograph with this name; null if there is none. Throws UsageError if several match.
 const View* find_photograph(const std::string& wanted, const Scene& scene) {
     const View* best = nullptr;
     int best_fit = 0;
@@ -88,7 +89,7 @@ const View* find_photograph(const std::string& wanted, const Scene& scene) {
     return best;
 }
 
-/// Reads `count` numbers with commas between them.
+/// Reads `count` numbers separated by commas.
 std::optional<std::vector<double>> read_numbers(const std::string& text, std::size_t count) {
     std::vector<double> values;
     const char *at = text.data(), *end = at + text.size();
@@ -103,7 +104,7 @@ std::optional<std::vector<double>> read_numbers(const std::string& text, std::si
     return at == end ? std::optional(values) : std::nullopt;
 }
 
-/// Returns the value of a key of a fragment.
+/// Returns the value of a key in a fragment.
 std::optional<std::string> value_of(const std::string& fragment, const std::string& key) {
     std::size_t begin = 0;
     while (begin < fragment.size()) {
@@ -117,7 +118,7 @@ std::optional<std::string> value_of(const std::string& fragment, const std::stri
 
 std::string point(const Vector3d& p) { return fmt::format("{:.6g},{:.6g},{:.6g}", p.x(), p.y(), p.z()); }
 
-/// The fragment that looks as a camera does, to where the model's middle is that far away.
+/// Returns the fragment for a camera's view, with its target at the distance of the model's centre.
 std::string fragment_of(const Camera& camera, const Vector3d& center) {
     const Vector3d from = camera.center(), forward = camera.rotation.row(2);
     const double distance = std::max(forward.dot(center - from), 0.1 * (center - from).norm() + 1e-3);
@@ -135,7 +136,7 @@ std::string fragment_of(const Camera& camera, const Vector3d& center) {
                     text, called, views.shown.size()));
 }
 
-/// Returns what a fragment shows. Throws UsageError if it shows nothing; `text` is what the user wrote.
+/// Returns the camera of a fragment. Throws UsageError if the fragment has no view; `text` is the user's input.
 Camera camera_of(const std::string& fragment, const std::string& text, const NamedViews& views, const Camera& first) {
     if (const auto number = value_of(fragment, "view")) {
         const auto value = read_numbers(*number, 1);

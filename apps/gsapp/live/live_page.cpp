@@ -27,13 +27,13 @@ namespace gs {
 namespace {
 
 constexpr int kUsualPort = 8000;
-/// A page asks every second.
+/// Seconds without a request after which nobody is watching; a page sends one every second.
 constexpr double kLooksAwayAfter = 4;
 constexpr std::size_t kMostPoints = 500;  ///< of a curve
 constexpr int kMostPixels = 1600;         ///< along the longer side of a photograph
 constexpr int kJpegQuality = 90;
 
-/// Returns 128 random bits.
+/// Returns 128 random bits in hexadecimal.
 std::string random_name() {
     std::random_device random;
     std::string name;
@@ -52,12 +52,12 @@ FileServer serve(std::optional<int> port, const WebHandler& handler) {
     if (port) return FileServer(viewer, *port, handler);
     try {
         return FileServer(viewer, kUsualPort, handler);
-    } catch (const DataError&) {  // another run has it, most likely
+    } catch (const DataError&) {  // most likely in use by another run
         return FileServer(viewer, 0, handler);
     }
 }
 
-/// Returns the photograph of a view, not larger than screens are.
+/// Returns the photograph of a view, reduced to screen size.
 Image shown_photograph(const View& view, const Vec3<float>& background) {
     Image image = photograph_of(view, background);
     const double scale = double(kMostPixels) / std::max(image.width, image.height);
@@ -83,7 +83,7 @@ nlohmann::ordered_json Curve::json(std::size_t most) const {
     nlohmann::ordered_json x = nlohmann::ordered_json::array(), y = x;
     const std::size_t size = values.size(), step = (size + most - 1) / most;
     for (std::size_t k = 0; k < size; k += step) {
-        // Counted from the end, so that the last value is always among them.
+        // Counts from the end, so that the last value is always included.
         const std::size_t i = (size - 1) % step + k;
         x.push_back(iterations[i]);
         y.push_back(std::isfinite(values[i]) ? nlohmann::ordered_json(values[i]) : nlohmann::ordered_json());
@@ -151,7 +151,7 @@ LivePage::LivePage(LivePageFacts facts, std::optional<int> port)
       server_(serve(port, [this](const WebRequest& request) { return answer(request); })) {
     thread_ = std::thread([this] {
         try {
-            server_.run(false);  // a page is told that its training was interrupted
+            server_.run(false);  // keeps serving, so that a page learns that its training was interrupted
         } catch (const std::exception& e) {
             log_warning("the page is served no more: {}", e.what());
         }
@@ -225,7 +225,7 @@ std::optional<WebAnswer> LivePage::answer(const WebRequest& request) {
     if (name == "status.json") return status();
     if (name.rfind("photograph/", 0) == 0) return photograph(name.substr(std::string("photograph/").size()));
     const std::lock_guard lock(mutex_);
-    // A page that was told of a snapshot may ask for it after the next has taken its place: it gets that one.
+    // A page may request a snapshot after the next one has replaced it: it receives the newer one.
     if (const std::int64_t asked = number_of_model(name); asked < 1 || asked > version_)
         return WebAnswer{.status = 404};
     fetched_ = version_;
@@ -279,7 +279,7 @@ WebAnswer LivePage::photograph(const std::string& name) {
             picture.type = "image/jpeg";
             picture.text.assign(bytes.begin(), bytes.end());
             return picture;
-        } catch (const std::exception& e) {  // the training has its own word on images that have gone bad
+        } catch (const std::exception& e) {  // the training itself reports images that have become unreadable
             log_debug("photograph {}: {}", facts_.views[k].name, e.what());
         }
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer's page for a model that may still be training: what it is told, the model and the curves that it shows,
-// and what its buttons ask for.
+// The viewer's page for a model that may still be training: its status fields, the model and curves that it shows, and
+// the requests from its buttons.
 #pragma once
 
 #include <atomic>
@@ -29,24 +29,24 @@ struct Curve {
         iterations.push_back(iteration);
         values.push_back(value);
     }
-    /// Returns {"iterations": [...], "values": [...]} with at most about `most` points, the last among them. Values
-    /// that are not finite are null.
+    /// Returns {"iterations": [...], "values": [...]} with at most about `most` points, including the last. Values that
+    /// are not finite become null.
     nlohmann::ordered_json json(std::size_t most) const;
 };
 
-/// Follows stats/train.jsonl while it grows.
+/// Reads stats/train.jsonl while it grows.
 class CourseLog {
   public:
     explicit CourseLog(std::filesystem::path file) : file_(std::move(file)) {}
 
-    /// Reads the lines that have come since the last call. A file that replaced the one before is read from its
-    /// beginning. Lines that are no JSON object with an iteration are skipped.
+    /// Reads the lines added since the last call. A file that replaced the previous one is read from its start. Lines
+    /// that are not JSON objects with an iteration are skipped.
     void update();
 
     const Curve& loss() const { return loss_; }
-    /// The PSNR of held-out views, dB: of test views, or of those for --target-psnr.
+    /// Returns the PSNR of held-out views, dB: of test views, or of the views for --target-psnr.
     const Curve& psnr() const { return psnr_; }
-    /// What the last line of the training said; 0 before the first.
+    /// Returns the iteration of the log's last line; 0 before the first line.
     std::int64_t iteration() const { return iteration_; }
     std::int64_t num_gaussians() const { return num_gaussians_; }
     double train_seconds() const { return train_seconds_; }
@@ -55,20 +55,20 @@ class CourseLog {
     void read_line(const std::string& line);
 
     std::filesystem::path file_;
-    std::uintmax_t read_ = 0;  ///< bytes
+    std::uintmax_t read_ = 0;  ///< bytes read so far
     std::uintmax_t inode_ = 0;
     Curve loss_, psnr_;
     std::int64_t iteration_ = 0, num_gaussians_ = 0;
     double train_seconds_ = 0;
 };
 
-/// What a snapshot says beside the model.
+/// Metadata of a snapshot.
 struct SnapshotFacts {
     std::string scene;
     std::int64_t iteration = 0;
     Vec3<float> background{0, 0, 0};
     Frame frame;
-    std::vector<View> views;  ///< views that the page offers
+    std::vector<View> views;  ///< views listed on the page
     bool are_training_views = false;
 };
 
@@ -77,47 +77,47 @@ struct SnapshotFacts {
 /// and if the file cannot be written.
 void write_snapshot(const std::filesystem::path& file, const Gaussians& model, const SnapshotFacts& facts);
 
-/// What stays the same while a page is served.
+/// Constant settings of a served page.
 struct LivePageFacts {
-    std::string scene, appearance, run;  ///< names to show
-    std::filesystem::path log;           ///< stats/train.jsonl; may be missing
-    std::vector<View> views;             ///< photographs of the views that the page offers
-    Vec3<float> background{0, 0, 0};     ///< behind photographs with transparency
-    bool controls = false;               ///< whether the buttons do something
+    std::string scene, appearance, run;  ///< displayed names
+    std::filesystem::path log;           ///< path of stats/train.jsonl, which may be missing
+    std::vector<View> views;             ///< views listed on the page, with their photographs
+    Vec3<float> background{0, 0, 0};     ///< colour behind transparent photographs
+    bool controls = false;               ///< whether the buttons are enabled
 };
 
-/// What the buttons asked for and nobody has done yet.
+/// Pending requests from the buttons.
 struct WatcherRequests {
     bool pause = false, save = false, stop = false;
 };
 
-/// Serves the built viewer, the latest snapshot, the course of the training and photographs on 127.0.0.1
+/// Serves the built viewer, the latest snapshot, the training curves and photographs on 127.0.0.1
 /// (docs/formats.md#the-live-page). All members may be called from any thread.
 class LivePage {
   public:
-    /// Begins to serve; a port of 0 is any free one, none at all is 8000 or any free one. Throws DataError when the
-    /// port is taken or the viewer is not built.
+    /// Starts to serve; port 0 means any free port, and an empty port means 8000 or any free one. Throws DataError if
+    /// the port is in use or the viewer is not built.
     LivePage(LivePageFacts facts, std::optional<int> port);
     ~LivePage();
 
-    /// Returns the address to open. Whoever has it can use the buttons.
+    /// Returns the address to open. Anyone with this address can use the buttons.
     std::string address() const;
 
-    /// Returns true while somebody looks: a page has asked within the last few seconds.
+    /// Returns whether a page has requested the status within the last few seconds.
     bool watched() const;
 
-    /// Replaces the fields of the same names in what pages are told.
+    /// Sets status fields, replacing fields of the same names.
     void tell(const nlohmann::ordered_json& fields);
-    /// Shows another snapshot, a file that stays until the next one is shown.
+    /// Shows another snapshot; its file must exist until the next one is shown.
     void show(const std::filesystem::path& snapshot, std::int64_t iteration);
-    /// Adds a point to the curve of PSNR; `what` names what was measured.
+    /// Adds a point to the PSNR curve; `what` names the measured views.
     void add_psnr(std::int64_t iteration, double psnr, const std::string& what);
 
     WatcherRequests requests() const;
-    /// Forgets a request to save, which is done.
+    /// Clears the request to save after it has been carried out.
     void saved();
 
-    /// Waits until a watching page has the last state and snapshot, at most `seconds`.
+    /// Waits until a watching page has the last status and snapshot, at most `seconds`.
     void linger(double seconds);
 
   private:
@@ -135,10 +135,10 @@ class LivePage {
     std::string psnr_of_;
     std::filesystem::path snapshot_;
     std::int64_t version_ = 0, snapshot_iteration_ = 0, fetched_ = 0;
-    std::vector<std::weak_ptr<void>> transfers_;  ///< snapshots on their way
+    std::vector<std::weak_ptr<void>> transfers_;  ///< snapshots being transferred
     WatcherRequests wishes_;
-    std::atomic<double> looked_ = -1e9;  ///< when a page last asked
-    bool told_last_ = false;             ///< a page has asked since the last change of the state
+    std::atomic<double> looked_ = -1e9;  ///< time of the last status request
+    bool told_last_ = false;             ///< whether a page has requested the status since its last change
     FileServer server_;
     std::thread thread_;
 };

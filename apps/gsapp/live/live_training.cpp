@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Feeds the page of a training between its iterations.
+// Updates the page of a training between its iterations.
 #include "apps/gsapp/live/live_training.h"
 
 #include <fmt/format.h>
@@ -22,8 +22,8 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kMeasuredViews = 4;
-constexpr double kTellSeconds = 0.25;  ///< between two news
-constexpr double kRateSeconds = 1;     ///< of training, over which speed is measured
+constexpr double kTellSeconds = 0.25;  ///< least time between two status updates
+constexpr double kRateSeconds = 1;     ///< training time over which the rate is measured
 constexpr double kLingerSeconds = 5;
 
 LivePageFacts facts_of(const TrainOptions& options, const std::vector<View>& views) {
@@ -82,7 +82,7 @@ void LiveTraining::measure(std::int64_t iteration, Backend& backend) {
         photographs_.emplace();
         try {
             photographs_ = load_photographs(shown_views(scene_, kMeasuredViews), options_.background.color);
-        } catch (const std::exception& e) {  // the training has its own word on images that have gone bad
+        } catch (const std::exception& e) {  // the training itself reports images that have become unreadable
             log_warning("the page shows no PSNR: {}", e.what());
         }
     }
@@ -114,7 +114,7 @@ void LiveTraining::begin_snapshot(std::int64_t iteration, Backend& backend, bool
                             scene_.test.empty()});
             page_.show(file, iteration);
             page_.tell({{"snapshot_error", nullptr}});
-            std::error_code ignored;  // one that is being sent stays open
+            std::error_code ignored;  // a file being sent stays open
             if (!last_.empty()) std::filesystem::remove(last_, ignored);
             last_ = file;
         } catch (const std::exception& e) {

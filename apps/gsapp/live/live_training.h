@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A training that can be watched while it goes on, and how often it stops for those who watch it.
+// A training that can be watched in a browser, with a limit on the time that watching costs.
 #pragma once
 
 #include <algorithm>
@@ -15,40 +15,40 @@
 
 namespace gs {
 
-/// Spaces out work that costs the training time, so that it takes at most a small share of it.
+/// Limits how often work that interrupts the training is done, so that it takes only a small share of the time.
 class Throttle {
   public:
-    static constexpr double kMostShare = 0.03;    ///< of the time from the beginning of one piece of work to the next
-    static constexpr double kLeastSeconds = 2.0;  ///< between two pieces
+    static constexpr double kMostShare = 0.03;    ///< share of the time between two starts of work
+    static constexpr double kLeastSeconds = 2.0;  ///< least time between two pieces of work
 
     bool due(double now) const { return now >= next_; }
-    /// Says that work was begun at `start` and cost `seconds`.
+    /// Records work that started at `start` and took `seconds`.
     void spent(double start, double seconds) { next_ = start + std::max(kLeastSeconds, seconds / kMostShare); }
 
   private:
     double next_ = 0;
 };
 
-/// Serves the page of one training. While nobody looks it costs the training nothing but a look at a clock; what it
-/// costs else is bounded by Throttle. It reads the model only if that changes nothing (TrainProgress::rows_current),
-/// so a run that was watched is the same as one that was not.
+/// Serves the page of one training. If nobody is watching, it costs the training only a check of the clock; otherwise
+/// its cost is limited by Throttle. It reads the model only if reading has no side effects
+/// (TrainProgress::rows_current), so watching does not change the result of a run.
 class LiveTraining {
   public:
-    /// `options` and `scene` must outlive the object. Throws what LivePage throws.
+    /// `options` and `scene` must outlive the object. Throws the errors of LivePage.
     LiveTraining(const TrainOptions& options, const Scene& scene, std::optional<int> port);
-    /// Waits for a page that is watching to take the last news, a few seconds at most.
+    /// Waits for a watching page to receive the last status, a few seconds at most.
     ~LiveTraining();
 
     std::string address() const { return page_.address(); }
 
-    /// Does what is due between two iterations: news, a snapshot, what the buttons asked for. Waits while the training
-    /// is paused. Returns what the trainer is to do.
+    /// Does the work due between two iterations: status, snapshot, and requests from the buttons. Waits while the
+    /// training is paused. Returns the request for the trainer.
     WatcherRequest between(const TrainProgress& progress, Backend& backend);
-    /// Says that what was asked for is saved, or why it could not be.
+    /// Reports that the requested checkpoint was saved, or why it could not be.
     void saved(std::int64_t iteration, const std::string& error);
     /// Shows the finished model.
     void finish(std::int64_t iteration, Backend& backend);
-    /// Says how the training ended, if it did not finish.
+    /// Reports how the training ended, if it did not finish.
     void end(const std::string& state, const std::string& message) {
         ended_ = true;
         page_.tell({{"state", state}, {"message", message}});
@@ -57,7 +57,7 @@ class LiveTraining {
   private:
     void tell(const char* state, const TrainProgress& progress);
     bool is_packing() const;
-    /// What fails here is told to the page; it is no reason to end a training.
+    /// Takes a snapshot. Errors are reported on the page and do not end the training.
     void take_snapshot(std::int64_t iteration, Backend& backend, bool measured);
     void begin_snapshot(std::int64_t iteration, Backend& backend, bool measured);
     void measure(std::int64_t iteration, Backend& backend);
@@ -68,17 +68,17 @@ class LiveTraining {
     LivePage page_;
     Throttle throttle_;
     bool ended_ = false;
-    double told_ = 0;                  ///< when `tell` last did
+    double told_ = 0;                  ///< time of the last call of `tell`
     double rate_ = 0;                  ///< iterations per second of training; 0: not known
-    std::int64_t rate_iteration_ = 0;  ///< where the rate was last computed
+    std::int64_t rate_iteration_ = 0;  ///< iteration at which the rate was last computed
     double rate_seconds_ = -1;
-    std::optional<std::vector<Photograph>> photographs_;  ///< read when somebody looks for the first time
-    std::optional<WorkFolder> folder_;                    ///< of snapshots
-    std::filesystem::path last_;                          ///< snapshot
+    std::optional<std::vector<Photograph>> photographs_;  ///< read when the page is first watched
+    std::optional<WorkFolder> folder_;                    ///< folder of snapshots
+    std::filesystem::path last_;                          ///< last snapshot
     int num_snapshots_ = 0;
-    double started_ = 0;           ///< when the last snapshot was begun
-    double device_seconds_ = 0;    ///< what it cost the training before it was packed
-    std::future<double> packing_;  ///< its result is the time that packing took
+    double started_ = 0;           ///< start time of the last snapshot
+    double device_seconds_ = 0;    ///< training time it cost before packing
+    std::future<double> packing_;  ///< packing time of the snapshot
 };
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packs what a run has saved, each time that there is something newer.
+// Packs the saved models of a run, each time that a newer one appears.
 #include "apps/gsapp/live/saved_page.h"
 
 #include <fmt/format.h>
@@ -28,9 +28,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::milliseconds kLook(50);
-constexpr int kLooksBetweenReads = 40;  ///< a newer model is looked for every two seconds
+constexpr int kLooksBetweenReads = 40;  ///< checks for a newer model every two seconds
 
-/// Returns the file of a saved model and when it was written, in words that differ where the file does.
+/// Returns the file of a saved model and its modification time as text, for comparison.
 std::string identity_of(const fs::path& file) {
     std::error_code ignored;
     return fmt::format("{} {}", file.string(), fs::last_write_time(file, ignored).time_since_epoch().count());
@@ -83,14 +83,14 @@ void SavedPage::show_newest() {
     const std::string newest = identity_of(source);
     if (newest == shown_) return;
     SavedModel model = read_saved_model(target_, iteration);
-    // Without a frame of its own the model takes the one of the photographs' cameras.
+    // A model without a frame takes the frame of the photographs' cameras.
     if (!model.frame && frame_) bring_into_frame(model.state, *frame_);
     const Frame frame = model.frame.value_or(frame_.value_or(Frame{}));
     const fs::path file = folder_.path() / fmt::format("{}.ngsplat", ++num_snapshots_);
     write_snapshot(file, model.state, {scene_, model.iteration, background_, frame, views_, are_training_views_});
     page_->show(file, model.iteration);
     page_->tell({{"iteration", model.iteration}, {"num_gaussians", model.state.count}});
-    std::error_code ignored;  // one that is being sent stays open
+    std::error_code ignored;  // a file being sent stays open
     if (!snapshot_.empty()) fs::remove(snapshot_, ignored);
     snapshot_ = file, shown_ = newest;
 }
@@ -101,7 +101,7 @@ void SavedPage::run() {
         if (looks % kLooksBetweenReads != 0) continue;
         try {
             show_newest();
-        } catch (const std::exception& e) {  // the run may be writing, or was removed
+        } catch (const std::exception& e) {  // the run may be writing the model, or was removed
             log_debug("{}: {}", target_.string(), e.what());
         }
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer's page for a run folder or a point cloud that was not exported.
+// The viewer's page for a run folder or a point cloud that has not been exported.
 #pragma once
 
 #include <filesystem>
@@ -11,18 +11,18 @@
 
 namespace gs {
 
-/// Serves a run with its curves and photographs, or the Gaussians of a .ply file alone. A run that another program is
-/// still training is followed: what it saves is shown.
+/// Serves a run with its curves and photographs, or only the Gaussians of a .ply file. If another program is still
+/// training the run, newly saved models are shown as they appear.
 class SavedPage {
   public:
-    /// `target` is a run folder or a .ply file, and `source` the place of the run's scene if it is not where the run
-    /// has it. Throws DataError for a file that cannot be read and for a run without any model that does not train, and
-    /// what LivePage throws. A scene that cannot be loaded any more, or is not the run's, is a warning: its photographs
-    /// are missing then.
+    /// `target` is a run folder or a .ply file, and `source` the path of the run's scene if it has moved. Throws
+    /// DataError for a file that cannot be read and for a run with neither a saved model nor a training log, and the
+    /// errors of LivePage. If the scene cannot be loaded any more, or is not the run's own, logs a warning and shows no
+    /// photographs.
     SavedPage(std::filesystem::path target, const std::string& source, std::optional<int> port);
 
     std::string address() const { return page_->address(); }
-    /// Returns after Ctrl-C.
+    /// Serves the page until Ctrl-C.
     void run();
 
   private:
@@ -33,10 +33,10 @@ class SavedPage {
     std::vector<View> views_;
     bool are_training_views_ = false;
     Vec3<float> background_{0, 0, 0};
-    std::optional<Frame> frame_;  ///< of the loaded scene
+    std::optional<Frame> frame_;  ///< frame of the loaded scene
     std::string scene_;
     WorkFolder folder_;
-    std::string shown_;  ///< the file, and when it was written
+    std::string shown_;  ///< the shown file and its modification time
     std::filesystem::path snapshot_;
     int num_snapshots_ = 0;
     std::optional<LivePage> page_;

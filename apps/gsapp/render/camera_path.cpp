@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks sizes of pictures, and reads camera paths from JSON. What a file may say is checked by name, because people
-// write such files by hand.
+// Checks image sizes, and reads camera paths from JSON. Every field is checked and errors name it, because such files
+// are written by hand.
 #include "apps/gsapp/render/camera_path.h"
 
 #include <fmt/format.h>
@@ -26,7 +26,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using nlohmann::json;
 
-/// One object of the file, and how messages call it.
+/// One object of the file, and its name in messages.
 struct Entry {
     const json& object;
     std::string where;
@@ -50,7 +50,7 @@ struct Entry {
             fail(fmt::format("{} is {}; it has to be above {} and below {}", key, value, low, high));
         return value;
     }
-    /// A list of `count` numbers, none so large that arithmetic would overflow.
+    /// Returns a list of `count` numbers, none so large that arithmetic could overflow.
     std::vector<double> numbers(const json& list, const char* key, std::size_t count) const {
         if (!list.is_array() || list.size() != count) fail(fmt::format("'{}' is no list of {} numbers", key, count));
         std::vector<double> values;
@@ -70,7 +70,7 @@ struct Entry {
         camera.width = size->width, camera.height = size->height;
         camera.cx = 0.5 * camera.width, camera.cy = 0.5 * camera.height;
     }
-    /// Sets the pose from the camera's axes in the world (x right, y down, z forward) and its place, in scene units.
+    /// Sets the pose from the camera's axes in the world (x right, y down, z forward) and its position, in scene units.
     void set_pose(Camera& camera, const Matrix3d& axes, const Vector3d& position, const char* key,
                   const Frame& frame) const {
         if (!((axes * axes.transpose() - Matrix3d::Identity()).norm() < 1e-3 && axes.determinant() > 0))
@@ -106,7 +106,7 @@ Camera camera_of_nerfstudio(const Entry& entry, Camera camera, const Frame& fram
     if (!(world_from_camera.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).isZero(1e-6))
         entry.fail("the last row of 'camera_to_world' is not 0 0 0 1");
     Matrix3d axes = world_from_camera.topLeftCorner<3, 3>();
-    axes.col(1) *= -1, axes.col(2) *= -1;  // from y up and looking along -z
+    axes.col(1) *= -1, axes.col(2) *= -1;  // from y up and viewing direction -z
     entry.set_pose(camera, axes, world_from_camera.topRightCorner<3, 1>(), "camera_to_world", frame);
     return camera;
 }
@@ -135,7 +135,7 @@ CameraPath path_of_nerfstudio(const json& object, const std::string& file, const
     return path;
 }
 
-/// Returns the size of the image of a frame, whose name may lack the ending; empty without an image.
+/// Returns the size of a frame's image, whose name may lack the extension; empty without an image.
 std::optional<PictureSize> image_size(const std::filesystem::path& image) {
     const auto size = [](const std::filesystem::path& path) {
         const ImageInfo info = read_image_info(path);

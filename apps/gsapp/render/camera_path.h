@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads cameras without photographs from a file, and fits cameras to pictures of another size.
+// Reads cameras without photographs from a file, and adapts cameras to another image size.
 #pragma once
 
 #include <filesystem>
@@ -11,44 +11,45 @@
 
 namespace gs {
 
-/// A few bytes must not ask for the whole memory, and pixel bounds are 16-bit numbers on a device.
+/// Limits on the image size: small input must not request all of the memory, and pixel bounds on a device are 16-bit.
 inline constexpr int kMaxPicturePixels = 1 << 25, kMaxPictureSide = 1 << 15;
 
-/// A size that a picture may have.
+/// A valid image size, px.
 struct PictureSize {
     int width = 0, height = 0;
 };
 
-/// Returns the size in whole pixels; nothing for numbers that are none, are below 1, or are beyond the limits above.
+/// Returns the size in whole pixels; nothing for values that are not finite numbers, are below 1, or exceed the limits
+/// above.
 std::optional<PictureSize> picture_size(double width, double height);
 
-/// Says what picture_size() takes, in words.
+/// Describes the sizes that picture_size() accepts.
 std::string picture_size_limits();
 
-/// Reads "WIDTHxHEIGHT". Throws UsageError for any other text, and for sizes that picture_size() does not take.
+/// Parses "WIDTHxHEIGHT". Throws UsageError for any other text, and for sizes that picture_size() rejects.
 PictureSize parse_picture_size(const std::string& text);
 
-/// Returns the camera of a picture of another size with the same vertical field of view. A wider picture shows more to
-/// the left and to the right; the principal point keeps its place relative to the middle.
+/// Returns the camera for another image size with the same vertical field of view. A wider image shows more on the left
+/// and right; the principal point keeps its offset relative to the centre.
 Camera with_vertical_field(Camera camera, const PictureSize& size);
 
 /// Cameras in the order of a video.
 struct CameraPath {
     std::vector<Camera> cameras;
-    std::optional<double> fps;  ///< frames a second, if the file says so
+    std::optional<double> fps;  ///< frames per second, if given in the file
 };
 
-/// The rates that videos may have, in frames a second.
+/// Range of valid frame rates for videos, in frames per second.
 inline constexpr double kLeastFps = 0.01, kMostFps = 1000;
 
-/// Reads a file in one of three forms, told apart by their content; docs/formats.md has them. Positions are in scene
-/// units; the cameras returned are in the frame. Throws DataError naming file, entry and field.
-///  - a list as in cameras.json: width, height, position, rotation (3x3, world_from_camera by rows), fy, and fx (fy
-///    when absent), cx and cy (the middle of the image when absent), and an "offset" that is added to the position.
-///  - an object as nerfstudio's camera_path.json: render_width, render_height, and a list camera_path of
+/// Reads a file in one of three formats, detected from its content; see docs/formats.md. Positions are in scene units;
+/// the returned cameras are in `frame`. Throws DataError naming file, entry and field.
+///  - a list as in cameras.json: width, height, position, rotation (3x3, world_from_camera, by rows), fy, optional fx
+///    (default: fy), cx and cy (default: the image centre), and an optional "offset" added to the position.
+///  - an object as in nerfstudio's camera_path.json: render_width, render_height, and a list camera_path of
 ///    camera_to_world (16 numbers by rows; y is up and the camera looks along -z) and fov (vertical, degrees).
-///  - an object with "frames" as a transforms.json (lib/scene/transforms_reader.h), whose lenses' distortion is left
-///    out. Without w and h its images say the size.
+///  - an object with "frames" as in transforms.json (lib/scene/transforms_reader.h), whose lens distortion is ignored.
+///    Without w and h the size is that of its images.
 CameraPath read_camera_path(const std::filesystem::path& path, const Frame& frame);
 
 }  // namespace gs

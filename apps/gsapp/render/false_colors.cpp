@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the range of depths and colours them, and colours Gaussians by their residuals.
+// Finds the range of depths and maps them to colours, and colours Gaussians by their residuals.
 #include "apps/gsapp/render/false_colors.h"
 
 #include <algorithm>
@@ -15,18 +15,18 @@
 namespace gs {
 namespace {
 
-/// The colour map viridis (matplotlib, CC0) at nine even steps. Between them colours are interpolated.
+/// Colour map viridis (matplotlib, CC0), sampled at nine even steps; colours between them are interpolated.
 constexpr int kSteps = 8;
 constexpr double kViridis[kSteps + 1][3] = {{68, 1, 84},    {71, 45, 123},  {59, 82, 139},
                                             {44, 114, 142}, {33, 144, 140}, {39, 173, 129},
                                             {93, 200, 99},  {170, 220, 50}, {253, 231, 37}};
 
-/// The share of the pixels at either end that does not widen the range.
+/// Share of the pixels at either end that does not extend the range.
 constexpr double kOutside = 0.01;
 constexpr float kLeastAlpha = 0.5f;
 
 constexpr std::size_t kMostViews = 32;
-/// As in apps/viewer/src/render/prepass.frag.glsl.
+/// Colours as in apps/viewer/src/render/prepass.frag.glsl.
 constexpr double kNoResidual[3] = {0.25, 0.25, 0.25}, kLeastChange[3] = {0.1, 0.3, 0.9}, kMostChange[3] = {1, 0.8, 0.1};
 constexpr double kChangeScale = 4;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds frames by their names and moves new ones into place, and calls ffmpeg on a folder of pictures.
+// Finds frames by name, moves new frames into place, and runs ffmpeg on a folder of images.
 #include "apps/gsapp/render/frame_folder.h"
 
 #include <fmt/format.h>
@@ -67,7 +67,7 @@ FrameFolder::FrameFolder(fs::path folder, std::vector<std::string> names, bool o
 
 FrameFolder::~FrameFolder() {
     work_.reset();
-    std::error_code ignored;  // only empty folders are removed: nothing came of them
+    std::error_code ignored;  // removes only folders that stayed empty
     for (const fs::path& made : missing_) fs::remove(made, ignored);
 }
 
@@ -84,17 +84,17 @@ void FrameFolder::commit() {
         if (std::remove(target.c_str()) != 0 && errno != ENOENT) fail_to_write("remove", target, errno);
     }
     for (const fs::path& part : changed) sync_folder(part, part);
-    std::error_code ignored;  // a folder that holds something else stays
+    std::error_code ignored;  // a folder with other contents stays
     for (const std::string& name : others_) fs::remove((folder_ / name).parent_path(), ignored);
 }
 
 namespace {
 
-/// Visually lossless, and small enough to be sent around.
+/// Encoder settings: visually lossless, and small enough to share.
 const std::vector<std::string> kMp4 = {"-c:v", "libx264", "-crf", "18", "-movflags", "+faststart", "-f", "mp4"},
                                kWebm = {"-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-row-mt", "1", "-f", "webm"};
 
-/// Even sizes, and the colours of HD video; without the tags players guess by the size.
+/// Crops to even sizes and sets the colour matrix of HD video; without these tags players guess it from the size.
 constexpr const char* kFilter = "crop=trunc(iw/2)*2:trunc(ih/2)*2:0:0,scale=out_color_matrix=bt709:out_range=tv";
 
 void require_ffmpeg() {
@@ -111,7 +111,7 @@ void require_ffmpeg() {
     }
 }
 
-/// Returns the pattern of the pictures' names. A % in the name of the folder would be part of it.
+/// Returns the file name pattern of the images. A % in the folder's name would count as part of the pattern.
 std::string pattern_in(const fs::path& folder) {
     std::string pattern;
     for (const char c : canonical_path(folder).string()) pattern += c == '%' ? "%%" : std::string(1, c);

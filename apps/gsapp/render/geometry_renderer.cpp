@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns depths and normals into colours that are blended without loss, and back.
+// Encodes depths and normals as colours that are blended without loss, and decodes the result.
 #include "apps/gsapp/render/geometry_renderer.h"
 
 #include <Eigen/Geometry>
@@ -14,14 +14,14 @@
 namespace gs {
 namespace {
 
-/// The activation max(0, y + 1/2), at most 255, shows any colour from 0 to 255. Above 1/8 its rounding is that of a
-/// float, so two channels hold all depths between the near plane at 0.2 and the far plane at 10000 frame units: red
-/// those up to kFar, green the others over kFar.
+/// Largest depth in the red channel, frame units. The activation max(0, y + 1/2), limited to 255, can show any colour
+/// from 0 to 255. Above 1/8 its rounding is that of a float, so two channels cover all depths between the near plane at
+/// 0.2 and the far plane at 10000 frame units: red for depths up to kFar, green for larger depths divided by kFar.
 constexpr double kFar = 128;
 
 float base_of(double color) { return std::isfinite(color) ? float(color - 0.5) : -0.5f; }
 
-/// Returns the model with its geometry alone, in one colour.
+/// Returns the geometry of the model with a single base colour per Gaussian.
 Gaussians geometry_of(const Gaussians& model) {
     Gaussians out;
     out.count = model.count;
@@ -38,7 +38,7 @@ Eigen::Vector3d mean_of(const Gaussians& model, std::int64_t i) {
     return Eigen::Map<const Eigen::Vector3f>(&model[Group::kMean].param[3 * std::size_t(i)]).cast<double>();
 }
 
-/// Returns the unit vector along the shortest axis; of equally short ones along the first.
+/// Returns the unit vector along the shortest axis; among equally short axes, the first one.
 Eigen::Vector3d shortest_axis(const Gaussians& model, std::int64_t i) {
     const float* scale = &model[Group::kScale].param[3 * std::size_t(i)];
     const float* q = &model[Group::kRotation].param[4 * std::size_t(i)];
@@ -84,7 +84,7 @@ std::vector<float> GeometryRenderer::normals(const Camera& camera) {
     parallel_for_rows(model_.count, [&](std::int64_t i) {
         Eigen::Vector3d normal = shortest_axis(model_, i);
         if (normal.dot(center - mean_of(model_, i)) < 0) normal = -normal;
-        // Colours cannot be negative: -1..1 becomes 0..1, and the sum of weights takes the shift back.
+        // Colours cannot be negative: -1..1 is mapped to 0..1, and the sum of weights undoes the shift.
         for (int c = 0; c < 3; ++c)
             model_[Group::kBase].param[3 * std::size_t(i) + std::size_t(c)] = base_of(0.5 + 0.5 * normal[c]);
     });
@@ -93,11 +93,11 @@ std::vector<float> GeometryRenderer::normals(const Camera& camera) {
     for (std::size_t i = 0; i < pixels; ++i) {
         Eigen::Vector3d sum;
         for (std::size_t c = 0; c < 3; ++c) sum[int(c)] = 2.0 * image.rgb[c * pixels + i] - image.alpha[i];
-        // Below 1e-5 only rounding is left.
+        // Below 1e-5 only rounding errors remain.
         const Eigen::Vector3d normal = sum.norm() > 1e-5 ? Eigen::Vector3d(sum.normalized()) : Eigen::Vector3d::Zero();
         for (std::size_t c = 0; c < 3; ++c) image.rgb[c * pixels + i] = float(normal[int(c)]);
     }
-    image.alpha = std::vector<float>();  // room for the copy: a picture may have 2^25 pixels
+    image.alpha = std::vector<float>();  // frees memory for the copy: an image may have 2^25 pixels
     std::vector<float> normals(3 * pixels);
     for (std::size_t c = 0; c < 3; ++c)
         for (std::size_t i = 0; i < pixels; ++i) normals[3 * i + c] = image.rgb[c * pixels + i];

@@ -18,10 +18,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Beyond this no scene has anything, and squares of distances stay finite as floats.
+/// Largest coordinate: beyond any scene, and its square is finite as a float.
 constexpr double kLargest = 1e15;
 
-/// Reads a number at the beginning of `rest` and removes it there.
+/// Parses a number at the beginning of `rest` and removes it from there.
 std::optional<double> take_number(std::string_view& rest) {
     double value = 0;
     const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), value);
@@ -30,8 +30,8 @@ std::optional<double> take_number(std::string_view& rest) {
     return value;
 }
 
-/// Returns where a model's front faces by custom, level: towards +z where +y is up (glTF), -z where -y is (COLMAP and
-/// 3DGS), and -y where z is (CAD and Blender). The web viewer opens such models on the same side.
+/// Returns the horizontal direction that a model's front faces by convention: +z if +y is up (glTF), -z if -y is up
+/// (COLMAP and 3DGS), and -y if z is up (CAD and Blender). The web viewer opens such models from the same side.
 Vector3d front_of(const Vector3d& up) {
     Eigen::Index main = 0;
     up.cwiseAbs().maxCoeff(&main);
@@ -78,7 +78,7 @@ Vector3d parse_axis(const std::string& text) {
 View usual_view(const Gaussians& model, OrbitShape& shape, const Frame& frame) {
     constexpr int kWidth = 1280, kHeight = 720;
     constexpr double kFieldOfView = 50 * M_PI / 180, kElevation = 20 * M_PI / 180;
-    constexpr double kDistance = 3;  ///< times the median distance, whose sphere then fills 0.7 of the height
+    constexpr double kDistance = 3;  ///< times the median distance; a sphere of that radius fills 0.7 of the height
     const Vector3d center = median_center(model);
     if (!shape.target) shape.target = frame.to_scene(center);
     if (!shape.up) shape.up = -Vector3d::UnitY();
@@ -112,7 +112,7 @@ std::vector<Camera> orbit_path(const std::vector<View>& views, const OrbitShape&
         height += offset.dot(up) / double(views.size());
         radius += (offset - offset.dot(up) * up).norm() / double(views.size());
     }
-    if (radius < 1e-6) radius = 1;  // all cameras are above or below the target
+    if (radius < 1e-6) radius = 1;  // all cameras are directly above or below the target
     if (!shape.radius.is_factor || shape.radius.value != 1) {
         const double factor =
             shape.radius.is_factor ? shape.radius.value : shape.radius.value * frame.scale / std::hypot(radius, height);
@@ -122,7 +122,7 @@ std::vector<Camera> orbit_path(const std::vector<View>& views, const OrbitShape&
         const double distance = std::hypot(radius, height), angle = *shape.elevation * M_PI / 180;
         radius = distance * std::cos(angle), height = distance * std::sin(angle);
     }
-    // The orbit starts where the first camera stands, or anywhere if that stands on the axis.
+    // Starts at the first camera's direction, or at an arbitrary one if that camera is on the axis.
     Vector3d start = views[0].camera.center() - target;
     start -= start.dot(up) * up;
     if (start.norm() < 1e-9) start = up.unitOrthogonal();

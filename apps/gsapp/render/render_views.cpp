@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders views of an open run into files.
+// Renders views of an open run to files.
 #include "apps/gsapp/render/render_views.h"
 
 #include <fmt/format.h>
@@ -32,7 +32,7 @@ Image write_values(const fs::path& folder, std::size_t i, const Camera& camera, 
     return image;
 }
 
-/// Returns directions as colours: -1..1 becomes 0..1, and no direction black.
+/// Returns directions as colours: -1..1 is mapped to 0..1, and a zero vector to black.
 Image colored_normals(Image image) {
     for (std::size_t i = 0; i < image.f32.size(); i += 3) {
         float* n = &image.f32[i];
@@ -62,7 +62,7 @@ std::vector<Depths> wanted_depths(const RenderParts& parts) {
     return wanted;
 }
 
-/// Colours the depths that were written, which have one range that is known only now.
+/// Writes images of the saved depths, whose common range is known only after all views.
 void write_depth_pictures(const fs::path& folder, std::size_t count, const Depths& depths) {
     const fs::path part = folder / depth_folder(depths.kind);
     const DepthRange range = depths.range.range();
@@ -127,11 +127,11 @@ void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorre
         const Camera& camera = views[i].camera;
         for (const auto& [mode, name] : kPictureParts) {
             if (!parts.decompose && mode != RenderMode::kFull) continue;
-            image = RenderedImage{};  // its memory is free before the next one is rendered
+            image = RenderedImage{};  // frees its memory before the next image is rendered
             image = renders.next();
             write_image(folder / (parts.decompose ? name : "") / frame_name(i, "png"), quantized_render(image));
         }
-        // A picture of 2^25 pixels has 512 MiB: each is freed before the next quantity is rendered.
+        // An image of 2^25 pixels takes 512 MiB, so each is freed before the next quantity is rendered.
         image.rgb = std::vector<float>();
         for (Depths& depths : wanted) {
             std::vector<float> depth = geometry->depth(camera, depths.kind);

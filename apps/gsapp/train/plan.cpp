@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes the size of a file apart, reads curves through measured losses, and puts a plan into words.
+// Splits file sizes into parts, evaluates curves fitted to measured losses, and describes a plan in words.
 #include "apps/gsapp/train/plan.h"
 
 #include <fmt/format.h>
@@ -22,9 +22,9 @@
 namespace gs {
 namespace {
 
-/// The bytes kept for texts whose length is known only later: the trailer of a scene, the header of a PLY.
+/// Bytes reserved for texts whose length is not known yet: the trailer of a scene, the header of a PLY.
 constexpr std::int64_t kTrailerBytes = 1024, kPlyHeaderBytes = 4096;
-/// The bytes of a Gaussian in a .splat file.
+/// Bytes per Gaussian in a .splat file.
 constexpr std::int64_t kSplatBytes = 32;
 
 /// Packs a model of one Gaussian, with as many cameras as the scene's export has.
@@ -35,16 +35,16 @@ PackedScene packed_sample(const TrainOptions& options, const Scene& scene) {
     return packed;
 }
 
-/// The part of a size limit that a file should at least use.
+/// Share of a size limit below which a file counts as too small.
 constexpr double kLeastUse = 0.95;
 
 std::string megabytes(std::int64_t bytes) { return fmt::format("{:.3g} MB", 1e-6 * double(bytes)); }
 
-/// The pixels of the training images that it takes to tell what a Gaussian is: it has some 60 parameters, a pixel three
+/// Pixels of the training images needed to determine one Gaussian, which has some 60 parameters; a pixel has three
 /// values.
 constexpr std::int64_t kPixelsPerGaussian = 20;
 
-/// Notes the number of Gaussians of a full run: --cap-max, or fewer where the images could not tell so many.
+/// Sets the number of Gaussians of a full run: --cap-max, or fewer if the images cannot determine so many.
 void note_full_count(TrainingPlan& plan, const TrainOptions& options, const Scene& scene) {
     std::int64_t pixels = 0;
     for (const View& view : scene.train) pixels += std::int64_t(view.camera.width) * view.camera.height;
@@ -55,8 +55,8 @@ void note_full_count(TrainingPlan& plan, const TrainOptions& options, const Scen
                                  : "--cap-max";
 }
 
-/// Returns the loss of a training of so many iterations; empty if the length is found by a search, and where the
-/// losses of the recipe were not measured.
+/// Returns the loss of a training with this number of iterations; empty if the length is found by a search, or if no
+/// losses were measured for the recipe.
 std::optional<double> loss_of_iterations(const TrainingPlan& plan, const TrainOptions& options,
                                          std::int64_t iterations) {
     if (options.recipe != Recipe::kFrontier || options.target_psnr || iterations == 0 || plan.num_views == 0)
@@ -64,8 +64,8 @@ std::optional<double> loss_of_iterations(const TrainingPlan& plan, const TrainOp
     return loss_of_length(double(iterations) / double(plan.num_views));
 }
 
-/// Returns what a length costs, and the option that changes it: "about 0.8 dB below a training of any length (a longer
-/// --time-limit comes closer)".
+/// Describes the loss from a length, and the option that reduces it: "about 0.8 dB below a training of any length (a
+/// longer --time-limit comes closer)".
 std::string loss_words(double loss, const TrainOptions& options) {
     const bool short_preset = options.preset == Preset::kFast || options.preset == Preset::kBalanced;
     const char* option = options.time_limit                                      ? "a longer --time-limit comes"
@@ -74,7 +74,7 @@ std::string loss_words(double loss, const TrainOptions& options) {
     return fmt::format("{} below a training of any length ({} closer)", about(loss), option);
 }
 
-/// Returns the option that keeps a model of so many Gaussians from more of them.
+/// Returns the option that would allow more than `count` Gaussians.
 const char* limit_of_count(const TrainingPlan& plan, const TrainOptions& options, std::int64_t count) {
     if (plan.size && double(count) > kLeastUse * double(plan.size->most_gaussians)) return "a larger --size-limit";
     if (options.frame_limit) return "a longer --frame-limit";
@@ -129,7 +129,7 @@ void plan_the_size(TrainingPlan& plan, const TrainOptions& options, const Scene&
                          {"most_gaussians", most}};
 }
 
-/// Says what length and number of Gaussians have cost by the estimate.
+/// Logs and stores the estimated losses from the length and from the number of Gaussians.
 void note_loss(TrainingPlan& plan, const TrainOptions& options, const TrainSummary& summary) {
     const std::optional<double> length = loss_of_iterations(plan, options, summary.iterations);
     if (!length || summary.num_gaussians == 0) return;
@@ -155,14 +155,14 @@ double loss_of_count(std::int64_t count, std::int64_t most) {
 }
 
 std::string about(double loss) {
-    constexpr double kMost = 10;  // farther than any measurement goes
+    constexpr double kMost = 10;  // beyond all measurements
     if (loss < 0.1) return "less than 0.1 dB";
     return loss > kMost ? fmt::format("more than {:g} dB", kMost) : fmt::format("about {:.1f} dB", loss);
 }
 
 std::int64_t SizePlan::bytes(std::int64_t count) const {
     const auto padded = [&](std::int64_t n) { return (n + unit - 1) / unit * unit; };
-    const std::int64_t header = share < 1 && per_residual > 0 ? sizeof(std::uint32_t) : 0;  // the number of residuals
+    const std::int64_t header = share < 1 && per_residual > 0 ? sizeof(std::uint32_t) : 0;  // number of residuals
     return fixed + header + padded(count) * per_gaussian + padded(std::llround(share * double(count))) * per_residual;
 }
 
@@ -259,7 +259,7 @@ void note_outcome(TrainingPlan& plan, const TrainOptions& options, const TrainSu
         const double use = double(bytes) / double(plan.size->limit);
         log_info("size limit {}: {} Gaussians make a file of {} ({:.0f} %)", options.size_limit->text(),
                  summary.num_gaussians, megabytes(bytes), 100 * use);
-        const bool small_enough = summary.target && summary.target->reached;  // on purpose
+        const bool small_enough = summary.target && summary.target->reached;  // the target allows a smaller model
         if (!small_enough && summary.num_gaussians < std::min(plan.size->most_gaussians, options.cap_max) &&
             use < kLeastUse)
             log_warning("size limit {}: only {:.0f} % of it is used{}", options.size_limit->text(), 100 * use,
@@ -275,7 +275,7 @@ void note_outcome(TrainingPlan& plan, const TrainOptions& options, const TrainSu
         json["measurements"] = summary.target->measurements;
         if (summary.target->estimate > 0) json["estimate"] = summary.target->estimate;
         json["verdict"] = summary.target->verdict;
-        // What the mean over few views cannot tell about others.
+        // The standard error: uncertainty of a mean over few views as an estimate for other views.
         log_info("target {:g} dB: another choice of views may have a mean that differs by {:.2f} dB (standard error)",
                  *options.target_psnr, summary.target->standard_error);
     }

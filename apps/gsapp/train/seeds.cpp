@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gives each run its seed and its folder.
+// Sets the seed and folder of each run.
 #include "apps/gsapp/train/seeds.h"
 
 #include <fmt/format.h>
@@ -26,7 +26,7 @@ std::vector<RunResult> train_seeds(TrainOptions base, int num_runs, const TrainR
         set_folder(options, fmt::format("{}-{}", base.model, k));
         std::optional<RunResult> result;
         if (!options.overwrite) result = finished_run(options);
-        if (result) {  // perhaps of a scene that has changed in its place
+        if (result) {  // the scene may have changed since
             require_run_scene(options.model, options, load_scene(options));
             log_info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
         } else {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same training with several seeds, for means and deviations.
+// Repeats a training with several seeds, for means and deviations.
 #pragma once
 
 #include <functional>
@@ -11,13 +11,13 @@
 
 namespace gs {
 
-/// Trains one run of these options and returns its result; empty if nothing was scored.
+/// Trains one run with these options and returns its result; empty if nothing was scored.
 using TrainRun = std::function<std::optional<RunResult>(const TrainOptions&)>;
 
 /// Trains `num_runs` runs with the seeds base.seed, base.seed + 1, ... in the folders <base.model>-0, <base.model>-1,
-/// ... (empty: free ones in output/), and returns their results. Runs that are finished are not trained again unless
+/// ... (empty: free ones in output/), and returns their results. Finished runs are not trained again unless
 /// `base.overwrite`. Throws UsageError for `base.resume`, for `--appearance auto` and without `base.eval`, DataError if
-/// the scene is no longer the one of a finished run, and what `train` throws.
+/// the scene is no longer that of a finished run, and the errors of `train`.
 std::vector<RunResult> train_seeds(TrainOptions base, int num_runs, const TrainRun& train);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loads the scene, chooses an appearance if asked, holds views out for a target, trains, scores.
+// Loads the scene, chooses an appearance if requested, holds out views for a target, trains, and scores.
 #include "apps/gsapp/train/train_run.h"
 
 #include <fmt/format.h>
@@ -53,9 +53,9 @@ std::vector<Photograph> take_views(Scene& scene, const Vec3<float>& background) 
 
 namespace fs = std::filesystem;
 
-/// Decodes all images as --verify-images says. Views of a built-in scene are computed and cannot be damaged.
+/// Decodes all images as --verify-images requires. Views of a built-in scene are computed and cannot be damaged.
 void verify(const TrainOptions& options, Scene& scene, Progress& progress) {
-    constexpr std::size_t kMany = 4000;  // whose decoding takes minutes
+    constexpr std::size_t kMany = 4000;  // decoding more images takes minutes
     const std::size_t images = scene.train.size() + scene.test.size();
     if (scene.kind == "builtin" || options.verify_images == VerifyImages::kOff ||
         (options.verify_images == VerifyImages::kAuto && images > kMany))
@@ -76,7 +76,7 @@ void describe_scene(const Scene& scene) {
             "trained in a frame of the usual size: centre ({:.9g}, {:.9g}, {:.9g}), scale {:.6g}; what is written is "
             "in the scene's own coordinates",
             scene.frame.center.x(), scene.frame.center.y(), scene.frame.center.z(), scene.frame.scale);
-    // Few scenes have any: masks, another folder or file than usual. Nobody asked for them, and they change the model.
+    // Present in few scenes: masks, an unusual folder or file. They change the model without a user's request.
     for (const std::string& fact : scene.facts) log_info("{}", fact);
     for (const std::string& note : scene.notes) log_warning("{}", note);
 }
@@ -85,8 +85,7 @@ void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choi
     write_text_atomic(RunFolder{run_folder}.appearance_choice(), json_text(choice, 1) + "\n");
 }
 
-/// Puts a model in the place of `--appearance auto`, and writes down why: to auto.json and as the first event of the
-/// log.
+/// Sets the model chosen by `--appearance auto`, and writes the reasons to auto.json and as the first event of the log.
 void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart& start) {
     const AppearanceReport report = find_appearance(options, scene);
     for (const std::string& line : report.lines)
@@ -99,8 +98,8 @@ void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart
     start.used_seconds = report.json.value("seconds", 0.0);
 }
 
-/// Puts the model without residuals in the place of the named one where no Gaussian is to have a residual: for a share
-/// of 0, and for auto where direction explains nothing. Returns whether it did.
+/// Replaces the selected model by the model without residuals if no Gaussian is to have a residual: for a share of 0,
+/// and for auto if direction explains nothing. Returns whether it did.
 bool resolve_no_residuals(TrainOptions& options, const Scene& scene) {
     const AppearanceSpec appearance = appearance_spec(options);
     const std::optional<double> share = wanted_residual_share(options, appearance);
@@ -125,7 +124,7 @@ bool resolve_no_residuals(TrainOptions& options, const Scene& scene) {
     return true;
 }
 
-/// Adds to auto.json how long the choice took compared with the training that followed.
+/// Adds to auto.json the duration of the choice relative to the training that followed.
 void add_share_of_training(const TrainOptions& options, const TrainSummary& summary) {
     nlohmann::ordered_json choice = read_appearance_choice(options.model);
     if (choice.is_null() || !summary.whole_time) return;
@@ -136,7 +135,7 @@ void add_share_of_training(const TrainOptions& options, const TrainSummary& summ
 }
 
 void describe_training(const TrainSummary& summary) {
-    constexpr double kMuch = 0.05;  // of the time; less is no reason to look for faster storage
+    constexpr double kMuch = 0.05;  // share of the time; a smaller wait is no reason for faster storage
     const bool waited = summary.data_wait_seconds > kMuch * summary.train_seconds;
     log_info("{} iterations in {:.1f} s{}{}, {} Gaussians", summary.iterations, summary.train_seconds,
              summary.whole_time ? "" : " since the checkpoint",
@@ -147,7 +146,7 @@ void describe_training(const TrainSummary& summary) {
                   summary.controller_seconds);
 }
 
-/// Says what was written, and what comes next.
+/// Logs the files that were written, and the next commands.
 void describe_outcome(const TrainOptions& options, const TrainSummary& summary) {
     const RunFolder folder{options.model};
     log_info("point cloud: {}", folder.point_cloud(summary.iterations).string());
@@ -164,7 +163,7 @@ nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSu
     return event;
 }
 
-/// Returns the options in force that are not at their defaults, as "key value, ...".
+/// Returns the options in effect that differ from their defaults, as "key value, ...".
 std::string changed_options(const TrainOptions& options) {
     std::string list;
     for (const Option& option : train_option_table())
@@ -173,7 +172,7 @@ std::string changed_options(const TrainOptions& options) {
     return list;
 }
 
-/// Adds the page to what a training calls.
+/// Adds the live page to the hooks of a training.
 TrainHooks watched(TrainHooks hooks, LiveTraining& live) {
     hooks.between = [&live](const TrainProgress& now, Backend& backend) { return live.between(now, backend); };
     hooks.saved = [&live](std::int64_t iteration, const std::string& error) { live.saved(iteration, error); };
@@ -213,8 +212,8 @@ std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const
     setup_log(shown_messages(options));
     try_device(options.device);
     if (!options.model.empty()) require_free_folder(options);
-    // Nothing is written before the scene is loaded: with a mistake in it, an earlier run that --overwrite would remove
-    // stays as it is.
+    // Nothing is written before the scene is loaded: if the scene is invalid, an earlier run that --overwrite would
+    // remove stays intact.
     LoadRules rules{.scores = options.eval};
     if (!options.resume.empty()) rules.frame = checkpoint_frame(options);
     Scene scene =
@@ -227,18 +226,18 @@ std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const
     if (options.model.empty()) options.model = free_run_folder("output", options);
     if (options.appearance == kAutoAppearance && !options.resume.empty())
         options.appearance = checkpoint_appearance(options);
-    // Limits that cannot be met are refused while an earlier run in the folder is still whole.
+    // Limits that cannot be met are refused before an earlier run in the folder is changed.
     TrainingPlan plan;
     const std::size_t held_out = target ? target->count() : 0;
     if (options.appearance != kAutoAppearance) plan = make_plan(options, scene, held_out);
-    std::optional<LiveTraining> live;  // refused, too, while an earlier run is whole
+    std::optional<LiveTraining> live;  // may also be refused, so before an earlier run is changed
     if (view) {
-        set_num_threads(options.threads);  // not while the page uses them
+        set_num_threads(options.threads);  // not while the page's threads use them
         live.emplace(options, scene, view->port);
         log_info("watch it at {}", live->address());
         progress.event({{"event", "view"}, {"address", live->address()}});
     }
-    std::optional<TensorBoard> tensorboard;  // refused, too, while an earlier run is whole
+    std::optional<TensorBoard> tensorboard;  // may also be refused, so before an earlier run is changed
     if (!options.tensorboard.empty()) tensorboard.emplace(options.tensorboard);
     RunStart start = open_run(options, view_digest(scene.test));
     start.cameras = std::move(cameras);
