@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs a program, writes its lines down and turns its failure into an error; reads colmap's help and messages.
+// Runs programs, logs their output and converts their failures to errors; parses colmap's help and messages.
 #include "lib/scene/programs.h"
 
 #include <fmt/format.h>
@@ -17,7 +17,7 @@
 namespace gs {
 namespace {
 
-/// Returns what colmap prints. Some versions report failure for help.
+/// Returns the output of colmap. Ignores failure, because some versions report failure for help.
 std::string output_of(const std::vector<std::string>& arguments) {
     std::string text;
     try {
