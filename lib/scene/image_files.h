@@ -85,9 +85,9 @@ enum class OutsideNames {
 ///   in Unicode composition;
 /// - the only file whose path ends with the name, or is itself an end of the name, with the most folders in common. For
 ///   absolute names any end counts;
-/// - the same if the name, or the file's name, is not UTF-8 and is read as GBK or another older encoding. No file is
-///   assigned to two names. Files in hidden folders, and in the private folders of macOS and network storage, match
-///   only exact names. Throws DataError for folders that cannot be listed.
+/// - the same if the name, or the file's name, is not UTF-8 and is read as GBK or another older encoding.
+/// No file is assigned to two names. Files in hidden folders, and in the private folders of macOS and network storage,
+/// match only exact names. Throws DataError for folders that cannot be listed.
 FoundImages find_images(const std::filesystem::path& folder, const std::vector<std::string>& names,
                         OutsideNames outside);
 
