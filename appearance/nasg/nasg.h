@@ -22,7 +22,7 @@ inline constexpr double kLargestRawShape = 9.210340371976184;
 inline constexpr double kSmallestRawSharpness = -13.815510557964274;
 /// A constant that the reference implementation adds to the exponent of K.
 inline constexpr double kExponentFloor = 5e-6;
-/// The smallest squared sine of the angle to the axis. The sine is a tenth of the resolution of a direction in float.
+/// The smallest squared sine of the angle to the axis. The sine, 1e-7, is about the resolution of a direction in float.
 inline constexpr double kSmallestSine2 = 1e-14;
 /// The squared sine of the angle (4.9e-4 radians) around the antipode within which the unbounded terms of the gradient
 /// are left out, as in the reference. The density has no limit at the antipode, since it depends on the azimuth.

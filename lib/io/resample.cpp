@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Resizes images: area-exact box filter when shrinking, bilinear when enlarging, one axis after the other.
+// Resizes images: area-exact box filter when shrinking, bilinear when enlarging, one axis at a time.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace gs {
 namespace {
 
-/// The filter of one axis: for every output index the first input index and the weights (sum 1) of the inputs from
+/// The filter of one axis: for every output index, the first input index and the weights (sum 1) of the inputs from
 /// there on.
 struct AxisFilter {
     std::vector<int> first;
