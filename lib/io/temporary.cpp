@@ -62,8 +62,7 @@ void remove_leftover(const fs::path& path) {
     std::error_code ignored;
     const fs::file_status status = fs::symlink_status(path, ignored);
     if (!fs::is_regular_file(status) && !fs::is_directory(status)) return;
-    const int flags =
-        fs::is_directory(status) ? O_RDONLY | O_DIRECTORY : O_RDWR;  // NFS requires write access for a lock
+    const int flags = fs::is_directory(status) ? O_RDONLY | O_DIRECTORY : O_RDWR;  // NFS locks need write access
     const int fd = ::open(path.c_str(), flags | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0) return;
     struct stat owner {};
