@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The contract that every appearance model fulfils.
+// The interface that every appearance model implements.
 //
 // colour = phi(base + residual(direction)); the direction is the unit vector from the camera centre to the Gaussian's
 // mean (docs/math/appearance.md#composition). To add a model, add one folder `appearance/<name>/` with
@@ -59,7 +59,7 @@ namespace gs {
 /// is undefined and its gradient is unbounded (docs/math/appearance.md#view-direction).
 inline constexpr double kMinViewDistance = 1e-6;
 
-/// The direction from the camera centre to a Gaussian's mean.
+/// The unit direction and inverse distance from the camera centre to a Gaussian's mean.
 template <class T> struct ViewDirection {
     Vec3<T> unit;
     T inverse_distance;  ///< 1/|mean - camera|; 0 if the direction is undefined, which zeroes the pullback
@@ -82,7 +82,7 @@ template <class T> GS_HD Vec3<T> direction_pullback(const ViewDirection<T>& d, c
 /// layers stay finite.
 inline constexpr double kLargestSharedWeight = 1e4;
 
-/// The number of weights that the Gaussians of a model share.
+/// Number of weights shared by the Gaussians of a model.
 template <class Model>
 inline constexpr int kNumSharedOf = [] {
     if constexpr (requires { Model::kNumShared; })

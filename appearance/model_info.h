@@ -47,7 +47,7 @@ struct RateContext {
 
 struct AppearanceRates {
     Schedule base;
-    std::vector<Schedule> residual;  ///< one for all columns, or one per column
+    std::vector<Schedule> residual;  ///< one schedule for all columns, or one per column
     Schedule shared{};               ///< learning rate of the shared weights
 };
 

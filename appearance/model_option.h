@@ -17,7 +17,7 @@ struct ModelOption {
     bool is_whole = false;        ///< accepts whole numbers only
     bool is_rate = false;         ///< listed with the learning rates instead of with the model
     std::string unset_word = {};  ///< word allowed in place of a number; the value is then empty
-    std::string unit = {};        ///< empty for pure numbers
+    std::string unit = {};        ///< unit; empty for pure numbers
     std::string help = {};        ///< its effect, one sentence
     std::string measured = {};    ///< its measured effect
 };

@@ -85,7 +85,7 @@ enum class PackedResidualActivation : std::uint32_t { kNone, kTanh, kSoftplus };
 struct PackedHeader {
     std::uint32_t model = 0;        ///< PackingDescription::id
     std::uint32_t features = 0;     ///< per-Gaussian sites, lobes, or network inputs
-    std::uint32_t frequencies = 0;  ///< of a network's encoding; informative: features are stored encoded
+    std::uint32_t frequencies = 0;  ///< number in a network's encoding; informative: features are stored encoded
     std::uint32_t bands = 0;        ///< bit l: band l of spherical harmonics is stored, or is a network input
     PackedResidualActivation activation = PackedResidualActivation::kNone;
     std::uint32_t neurons = 0, hidden_layers = 0;
@@ -110,7 +110,7 @@ struct PackedAppearance {
     PackedHeader header;
     std::vector<std::uint16_t> weights;                ///< halves, in the file's order
     std::int64_t rows = 0;                             ///< K, the number of Gaussians with a residual, which come first
-    std::vector<std::vector<std::uint32_t>> textures;  ///< (K, texture_words) each
+    std::vector<std::vector<std::uint32_t>> textures;  ///< one (K, texture_words) array per texture
 };
 
 /// The functions of a model's folder that write the model to a file and evaluate it from the file.

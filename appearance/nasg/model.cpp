@@ -62,8 +62,8 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
         return Vec3<double>{x, y, z};
     };
     for (std::uint32_t lobe = 0; lobe < packed.header.features; ++lobe) {
-        // Rounded axes are neither of unit length nor perpendicular; without both, the lobe would have a rim around its
-        // axis.
+        // Rounded axes are neither of unit length nor perpendicular; without renormalization, the lobe would have a rim
+        // around its axis.
         const Vec3<double> stored_x = get_vector(), z = normalized(get_vector()),
                            x = normalized(stored_x - z * dot(stored_x, z)), y = cross(z, x);
         const Vec3<double> v{dot(x, direction), dot(y, direction), dot(z, direction)};
@@ -76,7 +76,7 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
     return sum;
 }
 
-/// The packing of Nasg or Nasgabor.
+/// Returns the packing of Nasg or Nasgabor.
 template <class Model> const Packing& lobe_packing() {
     static const Packing packing{&description<Model>(), prepare<Model>, pack_row<Model>, residual<Model>};
     return packing;
@@ -139,7 +139,7 @@ template <class Model> void add_frames(StabilityPlan& plan) {
                     }
 }
 
-/// Adds cases with `column` at each value and up to 1e-3 of it to either side.
+/// Adds cases with `column` at each value and at relative offsets of up to 1e-3 on either side.
 template <class Model> void add_around(StabilityPlan& plan, int column, std::initializer_list<double> values) {
     for (const double value : values)
         for (const double side : {-1e-3, -1e-7, 0., 1e-7, 1e-3})

@@ -55,7 +55,7 @@ template <class T, bool kWholeSphere> struct LobeFrame {
     static GS_HD LobeFrame of(const T* raw) {
         LobeFrame f;
         f.theta = LobeAngle<T>::of(raw[0]), f.phi = LobeAngle<T>::of(raw[1]), f.psi = LobeAngle<T>::of(raw[2]);
-        if (kWholeSphere) {  // theta becomes 2 theta - pi/2, which is the same at raw 0
+        if (kWholeSphere) {  // theta becomes 2 theta - pi/2, which leaves it unchanged at raw 0
             const T c = f.theta.cos, s = f.theta.sin;
             f.theta.cos = T(2) * s * c, f.theta.sin = (s - c) * (s + c);
         }
@@ -68,9 +68,9 @@ template <class T, bool kWholeSphere> struct LobeFrame {
     GS_HD Vec3<T> local(const Vec3<T>& d) const { return {dot(x, d), dot(y, d), dot(z, d)}; }
     GS_HD Vec3<T> world(const Vec3<T>& v) const { return x * v.x + y * v.y + z * v.z; }
 
-    /// Computes the gradient of the three raw angles from the gradient `g` of the local direction `v`. A turn of the
-    /// frame about an axis e changes L by e . (g x v), so that no sine is divided by. The axes are world z,
-    /// (-sin theta, cos theta, 0) and the lobe's.
+    /// Computes the gradient of the three raw angles from the gradient `g` of the local direction `v`. A rotation of
+    /// the frame about an axis e changes L by e . (g x v), which avoids divisions by a sine. The rotation axes are
+    /// world z, (-sin theta, cos theta, 0) and the lobe's axis.
     GS_HD void raw_gradient(const T* raw, const Vec3<T>& g, const Vec3<T>& v, T* dL_draw) const {
         const Vec3<T> local_torque = cross(g, v), torque = world(local_torque);
         dL_draw[0] = LobeAngle<T>::of(raw[0]).raw_gradient(raw[0], kWholeSphere ? T(2) * torque.z : torque.z);
@@ -79,8 +79,8 @@ template <class T, bool kWholeSphere> struct LobeFrame {
     }
 };
 
-/// The density B = N K^kappa exp(2 lambda (K^(1+kappa) - 1)) in local direction v, and the terms that its derivatives
-/// share.
+/// The density B = N K^kappa exp(2 lambda (K^(1+kappa) - 1)) in local direction v, and the terms shared by its
+/// derivatives.
 template <class T> struct LobeDensity {
     T t, a;   ///< 2 lambda, anisotropy
     T s2, q;  ///< squared sine of the angle to the axis; squared cosine of the azimuth
@@ -209,7 +209,7 @@ template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct Na
             const Vec3<T> v = frame.local(to_lobe(direction));
             const LobeDensity<T> density = LobeDensity<T>::of(v, raw[3], raw[4]);
             const T g_density =
-                dot(amplitude(raw), dL_dresidual) * density.value;  // times the carrier: dL/d ln density
+                dot(amplitude(raw), dL_dresidual) * density.value;  // times the carrier it is dL/d ln density
             T carrier = T(1), dL_dphase_x = T(0);
             if constexpr (kWithCarrier) {
                 const Carrier<T> c = Carrier<T>::of(raw[5], v.x);

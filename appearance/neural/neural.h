@@ -89,7 +89,7 @@ using Neurons = std::conditional_t<(std::is_same_v<T, float> || std::is_same_v<T
 /// finite. The gradient is not clamped, so that a feature beyond the limit can return.
 inline constexpr double kLargestFeature = 1e4;
 
-/// The sine and cosine of the encoding at full precision.
+/// Computes sine and cosine of the encoding at full precision.
 struct ExactSinCos {
     template <class T> GS_HD void operator()(T x, T& s, T& c) const { gs_sincos(x, s, c); }
 };
@@ -98,8 +98,8 @@ struct ExactSinCos {
 /// biases; the constant of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or
 /// enter without encoding if kFrequencies is 0.
 ///
-/// The shared weights are W_0 as (kInputs, kNeurons), the hidden matrices as (from, to), and the output as
-/// (3, kNeurons). Every row belongs to all neurons of a layer.
+/// The shared weights are W_0 as (kInputs, kNeurons), the hidden matrices as (from, to), and the output as (3,
+/// kNeurons). Every row holds the weights of all neurons of a layer.
 template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuronCount> struct NeuralResidual {
     static constexpr int kFeatures = kFeatureCount, kFrequencies = kFrequencyCount, kLayers = kHiddenLayers,
                          kNeurons = kNeuronCount;
@@ -115,7 +115,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
     static GS_HD constexpr int matrix(int layer) {
         return layer == 0 ? 0 : kInputs * kNeurons + (layer - 1) * kNeurons * kNeurons;
     }
-    /// Returns the number of inputs in use; bands of the direction above `degree` are 0.
+    /// Returns the number of inputs in use; the inputs of bands above `degree` are 0.
     static GS_HD constexpr int active_inputs(int degree) { return kEncoded + (degree + 1) * (degree + 1); }
 
     template <class T, class SinCos = ExactSinCos>
@@ -152,12 +152,12 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         }
     }
 
-    /// One forward pass and its activations.
+    /// The activations of one forward pass.
     template <class T> struct Pass {
         using Layer = Neurons<T, kNeurons>;
         T x[kInputs];
         Layer hidden[kLayers];
-        Vec3<T> output;  ///< before tanh
+        Vec3<T> output;  ///< output before tanh
 
         GS_HD Pass(const T* shared, const T* features, const Vec3<T>& direction, int degree) {
             encode(features, direction, degree, x);

@@ -21,8 +21,8 @@ namespace gs::tensor {
 // Multiplies small half-precision matrices on the tensor cores of one warp: C (16x8, float) += A (16x16) B (16x8).
 //
 // The elements are distributed as follows (PTX ISA, mma.m16n8k16), with group = lane / 4, pair = 2 * (lane % 4):
-//   A: registers 0 to 3 hold columns pair, pair + 1 of row group, of row group + 8, and the same of columns 8 on;
-//   B: registers 0 and 1 hold rows pair, pair + 1 of column group, and rows 8 on;
+//   A: registers 0 to 3 hold columns pair, pair + 1 of row group, of row group + 8, and the same for columns from 8 on;
+//   B: registers 0 and 1 hold rows pair, pair + 1 of column group, and the same for rows from 8 on;
 //   C: values 0, 1 are columns pair, pair + 1 of row group, 2, 3 of row group + 8.
 // So two neighbouring C tiles, rounded, are the A operand of the next product.
 
@@ -69,7 +69,7 @@ __device__ inline void load_half(unsigned& r0, unsigned& r1, const __half* piece
     asm volatile("ldmatrix.sync.aligned.m8n8.x2.shared.b16 {%0,%1}, [%2];" : "=r"(r0), "=r"(r1) : "r"(at) : "memory");
 }
 
-/// Returns an 8x8 tile of halves with rows and columns exchanged.
+/// Returns the transpose of an 8x8 tile of halves.
 __device__ inline unsigned transpose(unsigned x) {
     unsigned y;
     asm("movmatrix.sync.aligned.m8n8.trans.b16 %0, %1;" : "=r"(y) : "r"(x));

@@ -49,7 +49,7 @@ template <int kSites> struct SphericalVoronoi {
     template <class T> struct Softmax {
         T largest = T(-1e30), sum = T(0);
 
-        /// The change that a new logit makes to the sums.
+        /// The change of the running sums by a new logit.
         struct Change {
             bool likelier;  ///< true: `factor` multiplies the sums so far; false: it multiplies the new term
             T factor;

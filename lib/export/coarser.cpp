@@ -21,7 +21,7 @@ namespace {
 
 /// Number of neighbours that are candidates for merging a Gaussian.
 constexpr std::size_t kNeighbours = 8;
-/// Weight of a squared colour difference, against a squared distance in standard deviations.
+/// Weight of a squared colour difference relative to a squared distance in standard deviations.
 constexpr double kColourWeight = 100;
 /// The fraction of the total score that may be left out. Merging nearly invisible Gaussians would add opacity in empty
 /// space.
@@ -37,7 +37,7 @@ struct Body {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero(), color = Eigen::Vector3d::Zero();
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
     double cover = 0;   ///< opacity times mean area
-    double weight = 0;  ///< from the score
+    double weight = 0;  ///< score, clamped
 };
 
 Body body_of(const Gaussians& g, const std::vector<float>& scores, std::int64_t i) {

@@ -16,7 +16,7 @@ struct CoarserModel {
     std::vector<float> scores;
 };
 
-/// Returns a model of `count` Gaussians (1 to those of `model`). The Gaussians with the highest scores
+/// Returns a model of `count` Gaussians (from 1 to the number in `model`). The Gaussians with the highest scores
 /// (Backend::scores, one per row) stay, in their order. Of the others, the nearly invisible ones are left out, and each
 /// of the rest is merged into the most similar of its staying neighbours. The merged Gaussian has the moments and the
 /// base colour of both, weighted by score, the sum of their opacity times area, and the residual of the staying one.

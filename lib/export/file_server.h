@@ -11,7 +11,8 @@
 
 namespace gs {
 
-/// A request that a WebHandler may answer. It comes from this machine, by a name of this machine, and has no body.
+/// A request that a WebHandler may answer. It comes from this machine, is addressed to a name of this machine, and has
+/// no body.
 struct WebRequest {
     std::string method, path;                  ///< GET, HEAD or POST; decoded, without the query
     std::map<std::string, std::string> query;  ///< decoded

@@ -61,13 +61,13 @@ std::int64_t ngsplat_unit();
 /// fraction of Gaussians with a residual is the same as in `scene`.
 std::int64_t ngsplat_bytes(const PackedScene& scene, std::int64_t count, std::int64_t trailer_bytes);
 
-/// Writes the file atomically. The sizes of textures and weights must be those of the appearance's layout;
-/// `ppisp->views` must have one entry per camera. Throws DataError.
+/// Writes the file atomically. The sizes of textures and weights must match the appearance's layout; `ppisp->views`
+/// must have one entry per camera. Throws DataError.
 void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene);
 
 /// Reads files of write_ngsplat and of the paper's exporter. Throws DataError naming the file and the field: wrong
-/// magic, values out of range, a file that is shorter or longer than its header says (found before memory is
-/// allocated), a trailer of a newer version, a wrong checksum.
+/// magic, values out of range, a file that is shorter or longer than its header states (checked before any allocation),
+/// a trailer of a newer version, a wrong checksum.
 PackedScene read_ngsplat(const std::filesystem::path& path);
 
 }  // namespace gs

@@ -24,8 +24,8 @@ struct ShProjection {
 };
 
 /// Fits the visible colour, phi(base + residual), of each Gaussian over 256 directions spread evenly over the sphere.
-/// The part beyond `degree` (0..3) bands is lost. Cost: 512 evaluations of the residual per Gaussian. Throws UsageError
-/// if the host cannot evaluate the model's residual.
+/// Bands above `degree` (0..3) are lost. Cost: 512 evaluations of the residual per Gaussian. Throws UsageError if the
+/// host cannot evaluate the model's residual.
 ShProjection project_to_sh(const Gaussians& gaussians, int degree);
 
 }  // namespace gs

@@ -81,7 +81,7 @@ double wall_time() {
 /// Begins an Event: 1 = wall_time, 2 = step.
 Message event(std::int64_t step) { return Message().number(1, wall_time()).whole(2, std::uint64_t(step)); }
 
-/// Rotates the checksum of bytes that may hold checksums themselves.
+/// Returns the masked CRC of TFRecords, which protects checksums of bytes that hold checksums themselves.
 std::uint32_t masked_crc(std::string_view bytes) { return std::rotr(crc32c(bytes), 15) + 0xA282EAD8u; }
 
 std::string host_name() {

@@ -22,7 +22,7 @@ struct Image {
 
     bool is_float() const { return !f32.empty(); }
     std::size_t bytes() const { return u8.size() + 4 * f32.size(); }
-    /// Returns one value: in [0,1] for 8-bit data, as stored for float data.
+    /// Returns one value: in [0,1] for 8-bit data, and the stored value for float data.
     float value(int x, int y, int c) const {
         const std::size_t i = (std::size_t(y) * width + x) * channels + c;
         return is_float() ? f32[i] : u8[i] * (1.0f / 255.0f);

@@ -38,8 +38,8 @@ constexpr double kTinyFile = 100 << 10, kTinyFileMemory = 192.0 * (1 << 20);
 constexpr double kDeflateRatio = 1032;
 
 /// Huffman-coded JPEG spends at least one bit on each 8x8 block of each component. The blocks are fewest where one
-/// component is subsampled four times along x and another along y: 8 blocks for 32x32 pixels.
-/// Lossy WebP spends at least three bits on the prediction modes of 16x16 pixels, which is more.
+/// component is subsampled four times along x and another along y: 8 blocks for 32x32 pixels. Lossy WebP spends at
+/// least three bits on the prediction modes of 16x16 pixels, which is more per pixel.
 constexpr double kLossyPixelsPerByte = 1024;
 
 [[noreturn]] void refuse(const fs::path& path, const std::string& reason) {

@@ -24,7 +24,7 @@ struct PlyHeader {
     std::vector<std::string> comments;  ///< without the word "comment"
     std::int64_t count = 0;             ///< number of vertices
     std::vector<PlyProperty> properties;
-    /// The number of floats in the element `shared` after the vertices; 0 = there is no such element
+    /// Number of floats in the element `shared` after the vertices; 0 = no such element
     std::int64_t num_shared = 0;
 };
 

@@ -104,8 +104,8 @@ Image resize_image(const Image& in, int width, int height) {
 
     const AxisFilter across = make_axis_filter(in.width, width), down = make_axis_filter(in.height, height);
     std::vector<float> scratch(std::size_t(in.width) * in.channels), sums(std::size_t(width) * in.channels);
-    // Input rows are needed in order, and at most the last two are needed twice. So two filtered rows replace a whole
-    // float image.
+    // Input rows are needed in order, and at most the last two are needed twice. So two filtered rows suffice instead
+    // of a whole float image.
     std::array<std::vector<float>, 2> rows{std::vector<float>(sums.size()), std::vector<float>(sums.size())};
     std::array<int, 2> row_index{-1, -1};
     for (int y = 0; y < height; ++y) {

@@ -61,7 +61,7 @@ void write_safetensors(const std::filesystem::path& path, std::span<const Tensor
         sizes.push_back(bytes);
     }
     std::string text = json_text(header);
-    text.resize((text.size() + 7) / 8 * 8, ' ');  // aligned, so that readers can map the file
+    text.resize((text.size() + 7) / 8 * 8, ' ');  // aligned to 8 bytes, so that readers can map the file
 
     AtomicFile file(path);
     const std::uint64_t length = text.size();

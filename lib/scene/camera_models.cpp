@@ -141,8 +141,8 @@ PlaneMap distort_with_jacobian(const LensCamera& lens, const Vector2d& x) {
     return map;
 }
 
-/// Solves distort_plane(x) = target. Steps are limited so that strong distortion cannot throw the iterate past the
-/// fold.
+/// Solves distort_plane(x) = target. The step length is limited, so that strong distortion cannot move the iterate past
+/// the fold.
 std::optional<Vector2d> invert_plane(const LensCamera& lens, const Vector2d& target) {
     // COLMAP stops at a squared step of 1e-10. Convergence is quadratic, so a few more digits cost one step and make
     // the round trip exact to 1e-9 px.

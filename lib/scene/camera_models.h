@@ -52,7 +52,7 @@ struct LensCamera {
     CameraModel model = CameraModel::kPinhole;
     int width = 0, height = 0;
     double fx = 0, fy = 0, cx = 0, cy = 0;
-    std::array<double, 12> distortion{};  ///< in COLMAP's order, unused entries 0
+    std::array<double, 12> distortion{};  ///< coefficients in COLMAP's order; unused entries are 0
 
     bool operator==(const LensCamera&) const = default;
 };

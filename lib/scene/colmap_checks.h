@@ -40,7 +40,7 @@ class ModelBuilder {
     void require_new_camera(const std::filesystem::path& file, std::uint32_t id) const;
 
     ColmapModel& model_;
-    std::unordered_map<std::uint32_t, std::string> unusable_cameras_;  ///< id and reason
+    std::unordered_map<std::uint32_t, std::string> unusable_cameras_;  ///< reason by camera id
     std::string first_unusable_camera_;
     std::unordered_set<std::uint32_t> image_ids_;
     std::unordered_set<std::uint64_t> point_ids_;

@@ -90,7 +90,7 @@ void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen
                              const Eigen::Vector3d& rgb) {
     if (!point_ids_.insert(id).second)
         throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
-    // The check is in float because a finite double may overflow there.
+    // The check is in float, because a finite double may overflow in float.
     if (!position.cast<float>().allFinite()) {
         ++skipped_points_;
         return;

@@ -90,7 +90,7 @@ void ImageCache::work() {
         if (stop_) return;
         const std::size_t index = queue_.front();
         queue_.pop_front();
-        // `get` may have overtaken the queue.
+        // A `get` may already have decoded the queued view.
         if (entries_[index].state == State::kQueued) load(index, lock);
     }
 }

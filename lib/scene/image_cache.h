@@ -36,8 +36,8 @@ class ImageCache {
     void prefetch(std::size_t index);
 
     double wait_seconds() const;         ///< total time that `get` spent decoding or waiting
-    std::size_t resident_bytes() const;  ///< bytes of all images the cache holds now
-    std::uint64_t num_decodes() const;   ///< calls of View::load so far
+    std::size_t resident_bytes() const;  ///< bytes of all images now in the cache
+    std::uint64_t num_decodes() const;   ///< number of calls of View::load so far
 
   private:
     enum class State { kAbsent, kQueued, kLoading, kReady, kFailed };

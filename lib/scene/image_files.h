@@ -106,7 +106,7 @@ class NameIndex {
     std::optional<Match> find(const std::string& name, bool& ambiguous) const;
 
   private:
-    /// A name, or one reading of it.
+    /// A name, or its interpretation in one encoding.
     struct Entry {
         std::size_t index = 0;
         std::string encoding;

@@ -134,7 +134,7 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
             continue;
         }
         preflight.choose_turn(view);
-        // A pre-scaled folder differs in size from the camera by design, so no difference is reported.
+        // Images of a pre-scaled folder differ in size from the camera by design, so no difference is reported.
         if (out.prescaled > 1)
             view.lens = scaled_to(view.lens, view.info.width, view.info.height);
         else

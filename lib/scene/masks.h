@@ -17,7 +17,7 @@ namespace gs {
 
 struct MaskFile {
     std::filesystem::path path;
-    bool inverted = false;  ///< non-zero = ignore (instant-ngp's dynamic masks)
+    bool inverted = false;  ///< non-zero pixels are ignored (instant-ngp's dynamic masks)
 };
 
 /// Returns X, the name of the masked image with or without its extension, if `name` has the form "X.mask.png";

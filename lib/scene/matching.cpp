@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kFewPhotographs = 300;  // 45,000 pairs, minutes to an hour
+constexpr std::size_t kFewPhotographs = 300;  // gives 45,000 pairs, which take minutes to an hour
 constexpr std::string_view kDigits = "0123456789";
 
 /// A name split at its last number.

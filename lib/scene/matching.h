@@ -12,7 +12,7 @@ namespace gs {
 
 struct Matching {
     std::string command;                 ///< colmap command, e.g. "exhaustive_matcher"
-    std::vector<std::string> arguments;  ///< its arguments besides the database and the GPU
+    std::vector<std::string> arguments;  ///< the command's arguments other than database and GPU
     std::string words;                   ///< the chosen pairs and the reason, in words
 };
 

@@ -31,7 +31,7 @@ struct PrepareReport {
     /// Numbers of photographs in colmap's other reconstructions, which are not used, largest first.
     std::vector<std::size_t> other_models;
     std::vector<std::string> notes;  ///< about photographs in unsupported formats
-    std::filesystem::path log;       ///< all that colmap and ffmpeg printed
+    std::filesystem::path log;       ///< output of colmap and ffmpeg
 };
 
 /// Reports progress: stage 1..stages, its name, and a count ("3/67") or "".

@@ -12,8 +12,8 @@ namespace gs {
 /// folders `source` and `scene` contains the other.
 void check_target(const std::filesystem::path& source, const std::filesystem::path& scene, bool overwrite);
 
-/// Keeps images/ and sparse/ of the output of image_undistorter, moves the model to sparse/0/ and deletes the rest.
-/// Throws DataError if colmap wrote no scene.
+/// Keeps images/ and sparse/ of the output of image_undistorter, moves the model to sparse/0/ and deletes all other
+/// files. Throws DataError if colmap wrote no scene.
 void arrange_scene(const std::filesystem::path& dense);
 
 /// Moves the new scene to `target`. An earlier scene there is removed only once the new one is safely on disk, and

@@ -17,8 +17,8 @@ namespace {
 
 using procedural::Description;
 
-/// Applies `resolution` as for photographs: 1, 2, 4, 8 divide, larger values are the width in pixels. -1 keeps the
-/// scene's own size.
+/// Applies `resolution` as for photographs: 1, 2, 4, 8 are divisors, larger values are the width in pixels, and -1
+/// keeps the scene's own size.
 void apply_resolution(procedural::CameraRig& rig, int resolution) {
     if (resolution == 1) return;
     const int width = rig.width;

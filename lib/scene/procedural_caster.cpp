@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 constexpr double kSurfaceOffset = 1e-6;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Returns the smallest positive t of a hit, or infinity. Only the nearest hit gets a normal, later.
+/// Returns the smallest positive t of a hit, or infinity. The normal is computed later, only for the nearest hit.
 double hit_distance(const Shape& shape, const Ray& ray) {
     if (shape.kind == ShapeKind::kSphere) {
         const Vector3d to_center = shape.center - ray.origin;

@@ -12,7 +12,7 @@
 
 namespace gs::procedural {
 
-/// The surface of a shape. The checker alternates `albedo` and `albedo2` in cubes of side `checker` of object space.
+/// The surface of a shape. The checker alternates `albedo` and `albedo2` in cubes of side `checker` in object space.
 struct Material {
     Eigen::Vector3d albedo{0.8, 0.8, 0.8};
     Eigen::Vector3d albedo2{0.8, 0.8, 0.8};
@@ -33,7 +33,7 @@ struct Shape {
     Eigen::Vector3d half_size{1, 1, 1};
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< world_from_object
     Material material;
-    bool shadow_only = false;  ///< invisible, only blocks light
+    bool shadow_only = false;  ///< invisible, but blocks light
 };
 
 /// A directional light, or the parallelogram center + s*edge_u + t*edge_v, s,t in [-1,1], sampled on a fixed grid.

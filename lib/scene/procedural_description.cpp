@@ -30,10 +30,10 @@ template <class T> void check_range(T value, T low, T high, const std::string& w
 using Eigen::Vector3d;
 
 constexpr double kDegree = M_PI / 180;
-/// The limit of coordinates: far larger than any use needs, and arithmetic is still exact.
+/// The limit of coordinates: far larger than needed, while arithmetic is still accurate.
 constexpr double kFar = 1e6;
 constexpr double kGoldenTurn = 0.6180339887498949;  ///< golden ratio - 1: spreads directions evenly for any count
-/// The limit of colours: lights may be brighter than white, but a mistyped digit is caught.
+/// The limit of colours: it allows lights brighter than white but catches a mistyped digit.
 constexpr double kMaxColor = 10;
 
 /// A YAML mapping that is read strictly: values are checked as they are read, and unknown keys are errors.
@@ -217,7 +217,7 @@ CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
                                      rig.height, kMaxPixels));
     section.read("fov", rig.fov, 1, 170);
     section.read("radius", rig.radius, 1e-3, kFar);
-    // Straight up and down are excluded, because the picture's "up" is undefined there.
+    // Straight up and down are excluded, because the image's up direction is undefined there.
     section.read("elevation_min", rig.elevation_min, -89, 89);
     section.read("elevation_max", rig.elevation_max, rig.elevation_min, 89);
     section.read("look_at", rig.look_at, -kFar, kFar);

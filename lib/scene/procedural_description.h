@@ -29,8 +29,8 @@ struct MovedShape {
     int every = 2;
 };
 
-/// Camera settings that differ from view to view, for training and test views. Each is drawn uniformly and depends only
-/// on (seed, set, index). One device takes all views.
+/// Camera settings that differ from view to view, for training and test views. Each setting is drawn uniformly and
+/// depends only on (seed, set, index). One device takes all views.
 struct ExposureJitter {
     double stops = 0.5;        ///< exposure: factor 2^e, e in (-stops, stops)
     double white_balance = 0;  ///< channel factors 2^g, g in (-white_balance, white_balance) minus their mean
@@ -67,7 +67,7 @@ struct Description {
 /// known ones), an unknown key (naming the nearest) or a value out of range; DataError for an unreadable file.
 Description load_description(const std::string& name);
 
-/// Reads a description from YAML text; `origin` names it in messages. Throws UsageError as load_description does.
+/// Reads a description from YAML text; `origin` names the text in messages. Throws UsageError as load_description does.
 Description parse_description(const std::string& text, const std::string& origin);
 
 /// Returns camera `index` of the training or test set.

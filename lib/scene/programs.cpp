@@ -42,7 +42,7 @@ void ProgramLog::run(const std::string& name, const std::vector<std::string>& ar
     file_ << fmt::format("$ {}\n", fmt::join(arguments, " ")) << std::flush;
     ProcessResult result;
     try {
-        // Debian's colmap is linked with Qt and needs a display even for work without windows.
+        // Debian's colmap is linked with Qt and needs a display even without windows.
         result = run_process(arguments, {{"QT_QPA_PLATFORM", "offscreen"}}, [&](const std::string& line) {
             file_ << line << '\n' << std::flush;
             on_line(line);

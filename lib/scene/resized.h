@@ -12,8 +12,9 @@ Camera resized(Camera camera, int width, int height);
 /// The image size at which renderers are usually compared.
 inline constexpr int kFrameWidth = 1280, kFrameHeight = 720;
 
-/// Returns the camera with another image size, the same pose and focal lengths in pixels, and the image's centre where
-/// it was: cx + (width - W)/2, cy + (height - H)/2. A larger image shows more of the scene at the same scale.
+/// Returns the camera with another image size, the same pose and focal lengths in pixels, and an unchanged image
+/// centre: the principal point becomes cx + (width - W)/2, cy + (height - H)/2. A larger image shows more of the scene
+/// at the same scale.
 Camera with_size(Camera camera, int width, int height);
 
 /// Returns the camera of the image with `factor` times fewer pixels per side, rounded down, at least one.

@@ -71,14 +71,14 @@ struct PointCloud {
 /// A loaded scene. All its lengths and positions are in the frame.
 struct Scene {
     Frame frame;
-    std::string source;        ///< the name that the user gave
+    std::string source;        ///< name given by the user
     std::string kind;          ///< "colmap", "nerf-synthetic", "transforms", "builtin"
     std::string image_folder;  ///< e.g. "images_4"; empty if not applicable
     std::vector<View> train, test;
     /// Number of devices that took training images: the cameras of a COLMAP model, in the order of their ids. It is 1
     /// if the dataset does not distinguish devices; a COLMAP model with one camera per image does not.
     int num_cameras = 1;
-    std::string split_rule;  ///< how the views were split, in words; written to the results
+    std::string split_rule;  ///< description of the split, in words; written to the results
     PointCloud points;       ///< empty = random initialisation
     bool has_alpha = false;  ///< images have an alpha channel
     /// Half the side of the cube for random initialisation, and its centre; 0 = derive both from the cameras (real

@@ -28,7 +28,7 @@ struct SourceView {
     std::filesystem::path image_path;                        ///< exists and has a readable header
     ImageInfo info;                                          ///< size after turning by `turn`
     int turn = 1;                                            ///< EXIF orientation applied to the pixels on reading
-    LensCamera lens;                                         ///< for the image's actual size
+    LensCamera lens;                                         ///< lens for the image's actual size
     Camera pinhole = {};                                     ///< camera of the undistorted image, without a pose
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
@@ -52,7 +52,7 @@ struct SourceScene {
     std::string given_split;  ///< name of the dataset's own split; empty if it has none
     /// Whether the test views of that split are used for training if none are held out (no --eval), as in 3DGS
     bool test_views_train = false;
-    /// The divisor by which the image folder is already scaled for SceneOptions::resolution; 1 = none
+    /// Divisor by which the image folder is already scaled for SceneOptions::resolution; 1 = none
     int prescaled = 1;
     SourcePoints points;
     /// Whether views and points follow the convention of Blender's NeRF-synthetic scenes: the cameras look at the
@@ -61,15 +61,15 @@ struct SourceScene {
     std::vector<std::string> notes, facts;  ///< as in Scene
 };
 
-/// Lists the first items: "a.jpg, b.jpg, c.jpg and 7 more".
+/// Returns the first items as a list in words: "a.jpg, b.jpg, c.jpg and 7 more".
 std::string listed(const std::vector<std::string>& items);
 
 /// Checks image files before they are used and collects the problems.
 class Preflight {
   public:
     /// Fills view.image_path and view.info and returns true if the image has a file with a readable header and
-    /// view.name is new. Otherwise records why the view is left out and returns false; an image that is there but
-    /// cannot be read also gets view.unreadable.
+    /// view.name is new. Otherwise records why the view is left out and returns false; if the image exists but cannot
+    /// be read, view.unreadable is set as well.
     bool accept_file(SourceView& view, const FoundImage& image);
 
     /// Records that an accepted view is left out because its camera cannot be used.

@@ -24,7 +24,7 @@ std::optional<std::size_t> find_index(const NameIndex& index, const std::string&
     return match ? std::optional(match->index) : std::nullopt;
 }
 
-/// The frames that one list of a transforms.json names.
+/// The frames named by one list of a transforms.json.
 struct ListedFrames {
     std::string key;
     const std::optional<std::vector<std::string>>& names;

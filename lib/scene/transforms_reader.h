@@ -22,7 +22,7 @@ struct TransformsIntrinsics {
 };
 
 struct TransformsFrame {
-    std::string file_path;  ///< as in the file, but with '/' and without leading "./"
+    std::string file_path;  ///< path as in the file, but with '/' and without leading "./"
     std::string mask_path;  ///< path in the same form; empty if absent
     bool is_bad = false;
     TransformsIntrinsics intrinsics;
@@ -32,7 +32,7 @@ struct TransformsFrame {
 
 struct TransformsFile {
     std::filesystem::path path;
-    std::vector<TransformsFrame> frames;       ///< in the order of the file
+    std::vector<TransformsFrame> frames;       ///< frames in the order of the file
     std::vector<TransformsFrame> test_frames;  ///< frames of the key test_frames (ScanNet++)
     /// The explicit split of nerfstudio, with names as in file_path; empty without the key.
     std::optional<std::vector<std::string>> train_filenames, val_filenames, test_filenames;

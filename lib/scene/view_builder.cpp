@@ -93,7 +93,7 @@ constexpr int kDefaultMaxWidth = 1600;
 /// All data that a loader thread needs, stored by value.
 struct LoadJob {
     SourceView source;
-    Camera pinhole;  ///< after undistortion, before resizing
+    Camera pinhole;  ///< camera after undistortion, before resizing
     int width, height;
     AlphaMode alpha_mode;
     MaskMode mask_mode;
