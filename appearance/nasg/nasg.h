@@ -160,9 +160,10 @@ template <class T> struct Carrier {
     GS_HD T slope() const { return -cos * sin; }
 };
 
-/// residual(d) = sum over the active lobes of density(d) carrier(d) tanh(raw amplitude). Parameters of one lobe: raw
-/// theta, phi, psi, sharpness, anisotropy, raw frequency (only with a carrier), raw amplitude (rgb). With kWholeSphere
-/// axes may point anywhere, otherwise only into the half-space y >= 0, as in the reference.
+/// residual(d) = sum over the active lobes of density(d) carrier(d) tanh(raw amplitude).
+/// Parameters of one lobe: raw theta, phi, psi, sharpness, anisotropy, raw frequency (only with a carrier), raw
+/// amplitude (rgb). With kWholeSphere axes may point anywhere, otherwise only into the half-space y > 0, as in the
+/// reference.
 template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct NasgLobes {
     static constexpr int kPerLobe = kWithCarrier ? 9 : 8, kAmplitude = kPerLobe - 3;
     static constexpr int kMaxResidual = kLobes * kPerLobe;

@@ -75,8 +75,9 @@ class Preflight {
     /// Records that an accepted view is left out because its camera cannot be used.
     void reject_camera(const std::string& reason) { cameras_.push_back(reason); }
 
-    /// Decides whether to turn the image by its EXIF orientation: if view.lens is in portrait format and the stored
-    /// pixels in landscape, or vice versa. Otherwise the camera matches the pixels as stored.
+    /// Decides whether to turn the image by its EXIF orientation: if this is a quarter turn, and view.lens is in
+    /// portrait format and the stored pixels in landscape format, or vice versa. Otherwise the camera matches the
+    /// pixels as stored.
     void choose_turn(SourceView& view);
 
     /// Scales view.lens from its nominal size to the size of view.info, and records any difference.
