@@ -1,21 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// The contract that every appearance model fulfils.
+// The interface that every appearance model implements.
 //
 // colour = phi(base + residual(direction)); the direction is the unit vector from the camera centre to the Gaussian's
 // mean (docs/math/appearance.md#composition). To add a model, add one folder `appearance/<name>/` with
 //
-//  1. `<name>.h`: `struct gs::appearance::<Name>` with
-//       static constexpr int kMaxResidual;                 upper bound of the residual's floats per Gaussian
-//       static constexpr bool kDirectional;                false: no residual, and no code for one is compiled
-//       residual(params, direction, active_degree)         -> Vec3<T>
-//       residual_backward(params, direction, active_degree, dL_dresidual, dL_dparams, dL_ddirection)
-//     Both functions are GS_HD templates over the scalar T; they allocate nothing and throw nothing. The caller zeroes
-//     `dL_dparams`, and the model writes only the entries of active parameters.
-//     A model whose Gaussians share weights (a small network) also has
-//       static constexpr int kNumShared;                   floats of all weights
-//     Its functions take `const T* shared` first. The backward function also takes `T* dL_dshared` last and adds to it.
-//     Weights stay within +-kLargestSharedWeight. On CUDA such a model defines how a warp evaluates it
-//     (`<name>_cuda.cuh`, appearance/warp_appearance_cuda.cuh).
+//  1. `<name>.h`: `struct gs::appearance::<Name>` with static constexpr int kMaxResidual;                 largest
+//     number of residual parameters per Gaussian static constexpr bool kDirectional;                false: no residual,
+//     and no residual code is compiled residual(params, direction, active_degree)         -> Vec3<T>
+//     residual_backward(params, direction, active_degree, dL_dresidual, dL_dparams, dL_ddirection) Both functions are
+//     GS_HD templates over the scalar T; they allocate nothing and throw nothing. The caller zeroes `dL_dparams`, and
+//     the model writes only the entries of active parameters. A model whose Gaussians share weights (a small network)
+//     also has static constexpr int kNumShared;                   floats of all weights Its functions take `const T*
+//     shared` first. The backward function also takes `T* dL_dshared` last and adds to it. Weights stay within
+//     +-kLargestSharedWeight. On CUDA such a model defines how a warp evaluates it (`<name>_cuda.cuh`,
+//     appearance/warp_appearance_cuda.cuh).
 //  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts that the host needs (model_info.h). They
 //     include the degenerate cases for the stability measurement (StabilityPlan in model_info.h), the model's own
 //     training options (model_option.h) and the functions that write and read viewers' files (packing.h).
@@ -37,14 +35,15 @@
 
 namespace gs::appearance {
 
-// Upper limits on raw parameters that let a parameter come back (docs/math/appearance.md#clamps).
+// Limits on raw parameters whose gradients let a parameter return from beyond the limit
+// (docs/math/appearance.md#clamps).
 
 /// Returns min(raw, limit). NaN stays NaN, which gs_min(raw, limit) would turn into the limit.
 template <class T> GS_HD T at_most(T raw, T limit) { return gs_min(limit, raw); }
 template <class T> GS_HD T at_least(T raw, T limit) { return gs_max(limit, raw); }
 
-/// The gradient of a parameter behind at_most: 0 only where the optimizer would raise it further. With 0 on the whole
-/// flat part a parameter that once overshot could never return.
+/// Returns the gradient of a parameter clamped by at_most: 0 only if the optimizer would raise the parameter further.
+/// If the gradient were 0 on the whole flat part, a parameter that once overshot could never return.
 template <class T> GS_HD T gradient_at_most(T gradient, T raw, T limit) {
     return raw >= limit && gradient < T(0) ? T(0) : gradient;
 }
@@ -56,14 +55,14 @@ template <class T> GS_HD T gradient_at_least(T gradient, T raw, T limit) {
 
 namespace gs {
 
-/// The distance, in world units, below which a Gaussian counts as sitting on the camera centre. The direction is then
-/// undefined and its gradient unbounded (docs/math/appearance.md#view-direction).
+/// The distance, in world units, below which a Gaussian is treated as being at the camera centre. There the direction
+/// is undefined and its gradient is unbounded (docs/math/appearance.md#view-direction).
 inline constexpr double kMinViewDistance = 1e-6;
 
-/// The direction from the camera centre to a Gaussian's mean.
+/// The unit direction and inverse distance from the camera centre to a Gaussian's mean.
 template <class T> struct ViewDirection {
     Vec3<T> unit;
-    T inverse_distance;  ///< 1/|mean - camera|; 0 when the direction is undefined, which zeroes the pullback
+    T inverse_distance;  ///< 1/|mean - camera|; 0 if the direction is undefined, which zeroes the pullback
 };
 
 template <class T> GS_HD ViewDirection<T> view_direction(const Vec3<T>& mean, const Vec3<T>& camera_position) {
@@ -79,11 +78,11 @@ template <class T> GS_HD Vec3<T> direction_pullback(const ViewDirection<T>& d, c
     return (dL_ddirection - d.unit * dot(d.unit, dL_ddirection)) * d.inverse_distance;
 }
 
-/// The limit to which the optimizer clamps shared weights. It is far above any weight that training finds, and products
-/// over a few layers stay finite.
+/// The limit to which the optimizer clamps shared weights. It is far above any trained weight, and products over a few
+/// layers stay finite.
 inline constexpr double kLargestSharedWeight = 1e4;
 
-/// The number of weights that the Gaussians of a model share.
+/// Number of weights shared by the Gaussians of a model.
 template <class Model>
 inline constexpr int kNumSharedOf = [] {
     if constexpr (requires { Model::kNumShared; })
@@ -92,7 +91,7 @@ inline constexpr int kNumSharedOf = [] {
         return 0;
 }();
 
-/// Returns the residual of any model, which is 0 below degree 1. `shared` and `params` may be null where the model has
+/// Returns the residual of any model, which is 0 below degree 1. `shared` and `params` may be null if the model has
 /// none.
 template <class Model, class T>
 GS_HD Vec3<T> model_residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
@@ -107,7 +106,7 @@ GS_HD Vec3<T> model_residual(const T* shared, const T* params, const Vec3<T>& di
     return {T(0), T(0), T(0)};
 }
 
-/// The gradient of model_residual(). The caller zeroes `dL_dparams`; the function adds to `dL_dshared`.
+/// Computes the gradients of model_residual(). The caller zeroes `dL_dparams`; the function adds to `dL_dshared`.
 template <class Model, class T>
 GS_HD void model_residual_backward(const T* shared, const T* params, const Vec3<T>& direction, int degree,
                                    const Vec3<T>& dL_dresidual, T* dL_dparams, Vec3<T>& dL_ddirection, T* dL_dshared) {
@@ -122,9 +121,9 @@ GS_HD void model_residual_backward(const T* shared, const T* params, const Vec3<
     }
 }
 
-/// The brightest colour. With it the faintest visible fragment (alpha 1/255) shows white. The loss squares colours
-/// twice, so one Gaussian of 1e10 would make the loss of every view that shows it infinite. A colour of 1e4 leaves
-/// second moments in Adam that slow all Gaussians in front of it for thousands of steps.
+/// The largest colour value. With this value the faintest visible fragment (alpha 1/255) is white. The loss squares
+/// colours twice, so one Gaussian of 1e10 would make the loss of every view that shows it infinite. A colour of 1e4
+/// leaves second moments in Adam that slow all Gaussians in front of it for thousands of steps.
 inline constexpr double kLargestColor = 255;
 
 /// Returns phi(y), the colour of a pre-activation colour, at most kLargestColor
@@ -135,7 +134,7 @@ template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
             return y + T(0.5) < T(0) ? T(0) : gs_min(T(kLargestColor), y + T(0.5));
         case ColorActivation::kSoftplus: {
             const T u =
-                y + T(0.5);  // each term is divided by 10: 10 u may overflow, which only the exponential may see
+                y + T(0.5);  // each term is divided by 10: 10 u may overflow, which only the exponential tolerates
             return gs_min(T(kLargestColor), gs_max(u, T(0)) + gs_log1p(gs_exp(T(-10) * gs_abs(u))) / T(10));
         }
         case ColorActivation::kSigmoid:
@@ -152,9 +151,9 @@ template <class T> GS_HD Vec3<T> activate(ColorActivation kind, const Vec3<T>& y
     return {color_activation(kind, y.x), color_activation(kind, y.y), color_activation(kind, y.z)};
 }
 
-/// Returns phi'(y), computed from y: computed from the stored colour it would cancel near saturation
-/// (docs/math/appearance.md#colour-activation). It ignores the limit kLargestColor, so that a colour can return from
-/// above it.
+/// Returns phi'(y), computed from y: a computation from the stored colour would cancel near saturation
+/// (docs/math/appearance.md#colour-activation). It ignores the limit kLargestColor, so that a colour above the limit
+/// can return.
 template <class T> GS_HD T color_activation_derivative(ColorActivation kind, T y) {
     switch (kind) {
         case ColorActivation::kRelu:
@@ -169,9 +168,8 @@ template <class T> GS_HD T color_activation_derivative(ColorActivation kind, T y
     return T(1);
 }
 
-/// Returns phi^-1(color), the base colour that shows `color`. The colour is first kept half an 8-bit step away from 0
-/// and 1, where every activation but softplus would start with a dead gradient
-/// (docs/math/appearance.md#initial-colour).
+/// Returns phi^-1(color), the base colour that gives `color`. The colour is first clamped to half an 8-bit step from 0
+/// and 1, where the gradient of every activation but softplus would vanish (docs/math/appearance.md#initial-colour).
 template <class T> GS_HD T inverse_color_activation(ColorActivation kind, T color) {
     const T c = gs_clamp(color, T(0.5 / 255), T(1 - 0.5 / 255));
     switch (kind) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host knows about an appearance model: sizes, initial values, learning rates, file columns.
+// Host-side description of an appearance model: sizes, initial values, learning rates, options, file packing.
 #pragma once
 
 #include <array>
@@ -16,92 +16,92 @@
 
 namespace gs {
 
-// What the stability measurement (eval/bench/stability.h) should know of a model besides its columns: their names, and
-// the degenerate cases that no sweep over single parameters would meet.
+// Model-specific input of the stability measurement (eval/bench/stability.h): names of the columns, and degenerate
+// cases that no sweep over single parameters would reach.
 
-/// One set of inputs. Everything is rounded to float first; float, double and the reference then compute from the same
-/// numbers.
+/// One set of inputs. All inputs are first rounded to float, so that float, double and reference evaluations use the
+/// same numbers.
 struct StabilityCase {
-    std::string kind;  ///< the row of the table it belongs to
+    std::string kind;  ///< row of the result table
     /// The raw residual parameters at the model's highest degree, followed by the shared weights if the case sets them.
     std::vector<double> residual;
     std::array<double, 3> view = {};  ///< mean minus camera centre, any length
-    /// The exact residual if it is known without the model's own formulas, and what it is, e.g. "N".
+    /// The exact residual if it is known independently of the model's own formulas, and its name, e.g. "N".
     std::optional<std::array<double, 3>> limit;
     std::string limit_name;
 };
 
 struct StabilityPlan {
-    std::vector<std::string> column_kinds;  ///< one per residual column; columns of equal kind are swept as one row
+    std::vector<std::string> column_kinds;  ///< one per residual column; columns of equal kind share a row
     std::vector<StabilityCase> cases;
 };
 
 class Backend;
 struct Packing;
 
-/// What some learning rates depend on beside the model.
+/// Inputs of the learning rates other than the model.
 struct RateContext {
-    double camera_spacing = 1;  ///< mean distance of a training camera to its 3 nearest, world units
+    double camera_spacing = 1;  ///< mean distance of a training camera to its 3 nearest neighbours, world units
     ModelOptionValues options = default_model_options();
 };
 
 struct AppearanceRates {
     Schedule base;
-    std::vector<Schedule> residual;  ///< one for all columns, or one per column
-    Schedule shared{};               ///< rate of the shared weights
+    std::vector<Schedule> residual;  ///< one schedule for all columns, or one per column
+    Schedule shared{};               ///< learning rate of the shared weights
 };
 
 struct ModelInfo {
-    std::string name;      ///< as on the command line and in files
+    std::string name;      ///< name on the command line and in files
     std::string summary;   ///< one line for help and docs
-    bool variant = false;  ///< whether it varies another model, for comparison: `--appearance auto` does not try it
-    /// Rows of residuals are the f_rest coefficients of 3DGS, three channels a basis function: other programs can read
-    /// them.
+    bool variant = false;  ///< a variation of another model, for comparison: `--appearance auto` does not try it
+    /// Whether residual rows are the f_rest coefficients of 3DGS, three channels per basis function, which other
+    /// programs can read.
     bool plain_sh = false;
-    std::vector<ModelOption> options = {};  ///< its own training options
+    std::vector<ModelOption> options = {};  ///< the model's own training options
     std::string degree_option = {};         ///< key of the option that sets max_degree; empty: default_max_degree
     int default_max_degree = 0;
     int max_degree_limit = 0;
-    /// The degree active at iteration 0; raised by one at 1000, 2000, ... up to max_degree.
+    /// The active degree at iteration 0. It increases by one at iterations 1000, 2000, ... up to max_degree.
     int initial_degree = 0;
     std::function<int(int max_degree)> residual_width;
     std::function<AppearanceRates(int max_degree, const RateContext&)> rates;
     /// Writes the initial residual parameters of one Gaussian.
     std::function<void(int max_degree, float* row)> init_residual;
-    /// Turns an initial row to a unit direction, the mean of those from the cameras to the Gaussian. Unset where the
-    /// residual has no direction of its own.
+    /// Aims an initial row at a unit direction, the mean of the directions from the cameras to the Gaussian. Unset if
+    /// the residual has no direction of its own.
     std::function<void(int max_degree, const Vec3<double>& direction, float* row)> aim_residual;
-    /// Changes a row so that its residual is exactly 0 in every direction, and can still be learnt from there. Unset
-    /// where init_residual is such a row.
+    /// Changes a row so that its residual is exactly 0 in every direction but can still be trained. Unset if
+    /// init_residual already writes such a row.
     std::function<void(int max_degree, float* row)> clear_residual;
-    /// The single-precision instructions of the residual and of its way back, all degrees active, for the floors that
-    /// `gsapp bench` prints: counted in the source, an FMA as one, a transcendental function as the ten to twenty it
-    /// takes.
+    /// Numbers of single-precision instructions of the residual and of its backward pass, with all degrees active, for
+    /// the lower bounds on time that `gsapp bench` prints. They are counted in the source: an FMA as one, a
+    /// transcendental function as its ten to twenty instructions.
     double operations = 0, operations_backward = 0;
-    int num_shared = 0;  ///< weights that all Gaussians share
-    /// Writes their initial values; set if there are any.
+    int num_shared = 0;  ///< number of weights shared by all Gaussians
+    /// Writes the initial values of the shared weights. Set if there are any.
     std::function<void(std::uint64_t seed, float* weights)> init_shared;
-    /// Names and degenerate cases for the stability measurement, at max_degree_limit. Without it all columns are one
+    /// Names and degenerate cases for the stability measurement, at max_degree_limit. If unset, all columns are of one
     /// kind.
     std::function<StabilityPlan()> stability;
-    /// Evaluates the residual in double, for host code on finished models: model_residual (contract.h) of the model.
+    /// Evaluates the residual in double, for host code on trained models: model_residual (contract.h) of the model.
     Vec3<double> (*residual)(const double* shared, const double* params, const Vec3<double>& direction,
                              int degree) = nullptr;
-    /// How files for viewers hold the model (packing.h, which device code cannot include); null: they cannot.
+    /// The model's packing in viewer files (packing.h, which device code cannot include). Null if it has none.
     const Packing* packing = nullptr;
 };
 
-/// All models, in alphabetical order of their folders (generated by CMake).
+/// Returns all models, in alphabetical order of their folders (generated by CMake).
 const std::vector<const ModelInfo*>& appearance_models();
 
-/// The names of all models, in the same order.
+/// Returns the names of all models, in the same order.
 std::vector<std::string> appearance_names();
 
-/// Throws UsageError naming the known models.
+/// Returns the model with this name. Throws UsageError listing the known models if there is none.
 const ModelInfo& appearance_model(const std::string& name);
 
 /// Returns the plain spherical harmonics that other programs read (ModelInfo::plain_sh) of `degree` bands, with relu;
-/// degree 0 does not depend on the view. Of the models that support the degree, it picks the one of the lowest limit.
+/// degree 0 does not depend on the view. Of the models that support the degree, returns the one with the lowest limit.
 /// Throws UsageError if none does.
 AppearanceSpec plain_sh_appearance(int degree);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the descriptions of packings, and has the checks, activations and choices of range that the packings of all
-// models share.
+// Reads the descriptions of packings, and implements checks, activations and range choices shared by the packings of
+// all models.
 #include "appearance/packing.h"
 
 #include <algorithm>
@@ -16,7 +16,8 @@
 namespace gs {
 namespace {
 
-/// The binary operators by how tightly they bind. Of two where one begins the other, the longer stands first.
+/// The binary operators, from loosest to tightest binding. If one operator is a prefix of another, the longer one comes
+/// first.
 const std::vector<std::vector<std::string_view>> kOperators = {
     {"||"}, {"&&"}, {"==", "!=", "<=", ">=", "<", ">"}, {"+", "-"}, {"*", "/", "%"}};
 
@@ -113,7 +114,7 @@ class Parser {
     std::size_t at_ = 0;
 };
 
-/// The largest number of a model that fits into the file's bits for it.
+/// The largest model number that fits into its bits in the file.
 constexpr std::uint32_t kLargestId = 7;
 
 PackingDescription description_of(const nlohmann::ordered_json& json) {
@@ -141,7 +142,7 @@ constexpr std::int64_t kLargest = 10000, kOthers = 10000;
 
 constexpr double kMaxTextures = 16, kMaxWeights = 1 << 24;
 
-/// The fields of the header by their names in docs/formats.md, then the values that the description adds.
+/// Returns the header's fields by their names in docs/formats.md, and the values that the description adds.
 std::map<std::string, double> header_values(const PackingDescription& description, const PackedHeader& header) {
     std::map<std::string, double> values = {{"featureDim", header.features},
                                             {"nFrequencies", header.frequencies},
@@ -263,7 +264,7 @@ PackedLayout packed_layout(const PackedHeader& header) {
 
 PackedAppearance make_packed(const PackedHeader& header, const Gaussians& gaussians) {
     const PackedLayout layout = packed_layout(header);
-    // Without textures the residuals are not stored, whatever the model has.
+    // Without textures no residuals are stored, even if the model has some.
     const std::int64_t rows = layout.texture_words.empty() ? 0 : gaussians.num_rows(Group::kResidual);
     PackedAppearance packed{header, std::vector<std::uint16_t>(std::size_t(layout.weight_halves)), rows, {}};
     for (const int words : layout.texture_words) packed.textures.emplace_back(std::size_t(rows * words));

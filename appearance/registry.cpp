@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The list of models CMake found, and look-up in it.
+// The list of models that CMake found, and its lookup functions.
 #include <algorithm>
 
 #include "appearance/model_info.h"

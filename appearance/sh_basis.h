@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The real spherical harmonics of bands 1 to 3 (3DGS sign convention), for whoever expands something in them.
+// The basis of real spherical harmonics of bands 1 to 3 (3DGS sign convention).
 #pragma once
 
 #include "kernels/base/vec.h"
@@ -7,7 +7,7 @@
 namespace gs::appearance {
 
 struct ShBasis {
-    // Normalisation constants sqrt((2l+1)/(4 pi) (l-m)!/(l+m)!) times the polynomial's factor; names as in
+    // Normalisation constants sqrt((2l+1)/(4 pi) (l-m)!/(l+m)!) times the polynomial's factor. Names are as in
     // sh/README.md.
     static constexpr double kC1 = 0.4886025119029199;
     static constexpr double k2a = 1.0925484305920792, k2b = 0.9461746957575601, k2c = 0.31539156525252005,
@@ -15,7 +15,7 @@ struct ShBasis {
     static constexpr double k3a = 0.5900435899266435, k3c = 2.890611442640554, k3d = 0.4570457994644658;
     static constexpr double k3f = 0.3731763325901154, k3h = 1.445305721320277;
 
-    /// The number of basis functions above band 0 that are active at `degree`.
+    /// Returns the number of basis functions above band 0 that are active at `degree`.
     static GS_HD int num_bases(int degree) { return (degree + 1) * (degree + 1) - 1; }
 
     /// Writes the active Y_i, i = 1.., into y[0..num_bases-1].

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The evaluation of an appearance model by a warp, for the 32 Gaussians of its lanes.
+// Evaluates an appearance model in a warp, for the 32 Gaussians of its lanes.
 #pragma once
 
 #include "appearance/contract.h"
@@ -7,11 +7,11 @@
 namespace gs {
 
 /// Evaluates a model for the Gaussians of a warp. By default each lane evaluates its own Gaussian. A model whose lanes
-/// work together specializes this class in its folder (`<folder>_cuda.cuh`). A model with shared weights must do so,
-/// and adds the members that are named at the end.
+/// work together specializes this class in its folder (`<folder>_cuda.cuh`). A model with shared weights must do so and
+/// adds the members listed at the end.
 ///
-/// All lanes of a warp call every function together; `active` says whether a lane has a Gaussian. Rows are in shared
-/// memory, `width` floats for each lane. Rows of inactive lanes may hold any values.
+/// All lanes of a warp call every function together; `active` is true if the lane has a Gaussian. Rows are in shared
+/// memory, `width` floats per lane. Rows of inactive lanes may hold any values.
 template <class Model> class WarpAppearance {
     static_assert(kNumSharedOf<Model> == 0, "a model with shared weights says itself how a warp evaluates it");
 
@@ -27,7 +27,7 @@ template <class Model> class WarpAppearance {
         return model_residual<Model>(static_cast<const float*>(nullptr), rows + lane() * width, direction, degree);
     }
     /// Computes the gradients. Call it after residual() with the same arguments. With kAdds it adds to the rows of
-    /// `gradients`, which otherwise must be zeroed.
+    /// `gradients`; otherwise these rows must be zeroed.
     template <bool kAdds = false>
     __device__ void backward(const float* rows, int width, const Vec3<float>& direction, int degree, bool active,
                              const Vec3<float>& dL_dresidual, float* gradients, Vec3<float>& dL_ddirection) const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host knows of NASG and NASGabor: parameters, learning rates, first values, the form in files for viewers
+// Host-side description of NASG and NASGabor: parameters, learning rates, initial values, packing for viewers
 // (docs/formats.md#scenengsplat), and degenerate cases for the stability measurement.
 #include <algorithm>
 #include <cmath>
@@ -11,8 +11,8 @@
 namespace gs::appearance {
 namespace {
 
-/// The largest normalization that is stored. The rest of a larger one becomes a factor of the amplitude: only their
-/// product shows.
+/// The largest stored normalization. The excess of a larger one is moved into the amplitude, because only their product
+/// matters.
 inline constexpr double kLargestPackedNorm = 6e4;
 
 template <class Model> constexpr bool kHasCarrier = Model::kAmplitude == 6;
@@ -62,8 +62,8 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
         return Vec3<double>{x, y, z};
     };
     for (std::uint32_t lobe = 0; lobe < packed.header.features; ++lobe) {
-        // Rounded axes are neither of unit length nor perpendicular; without both, the lobe would have a rim around its
-        // axis.
+        // Rounded axes are neither of unit length nor perpendicular; without renormalization, the lobe would have a rim
+        // around its axis.
         const Vec3<double> stored_x = get_vector(), z = normalized(get_vector()),
                            x = normalized(stored_x - z * dot(stored_x, z)), y = cross(z, x);
         const Vec3<double> v{dot(x, direction), dot(y, direction), dot(z, direction)};
@@ -76,7 +76,7 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
     return sum;
 }
 
-/// The packing of Nasg or Nasgabor.
+/// Returns the packing of Nasg or Nasgabor.
 template <class Model> const Packing& lobe_packing() {
     static const Packing packing{&description<Model>(), prepare<Model>, pack_row<Model>, residual<Model>};
     return packing;
@@ -84,7 +84,7 @@ template <class Model> const Packing& lobe_packing() {
 template const Packing& lobe_packing<Nasg>();
 template const Packing& lobe_packing<Nasgabor>();
 
-/// Raw amplitudes of the cases with known limits: saturated either way, and ordinary.
+/// Raw amplitudes of the cases with known limits: saturated with either sign, and ordinary.
 constexpr double kAmplitudes[3] = {20, -20, 0.5};
 
 template <class Model> std::vector<double> lobe(double angle, double raw_sharpness, double raw_anisotropy) {
@@ -139,7 +139,7 @@ template <class Model> void add_frames(StabilityPlan& plan) {
                     }
 }
 
-/// Adds cases with `column` at each value and up to 1e-3 of it to either side.
+/// Adds cases with `column` at each value and at relative offsets of up to 1e-3 on either side.
 template <class Model> void add_around(StabilityPlan& plan, int column, std::initializer_list<double> values) {
     for (const double value : values)
         for (const double side : {-1e-3, -1e-7, 0., 1e-7, 1e-3})
@@ -150,9 +150,9 @@ template <class Model> void add_around(StabilityPlan& plan, int column, std::ini
             }
 }
 
-/// Returns the cases of one lobe: the axis and its antipode, exactly and at distances of 1e-8 to 1e-3, for lobes from
-/// uniform to the narrowest; frames whose angles are at their limits; values at and around every limit. Model is Nasg
-/// or Nasgabor.
+/// Returns the cases of one lobe: directions at the axis and its antipode, and at distances of 1e-8 to 1e-3 from them,
+/// for lobes from uniform to the narrowest; frames with angles at their limits; values at and around every limit. Model
+/// is Nasg or Nasgabor.
 template <class Model> StabilityPlan lobe_stability() {
     StabilityPlan plan;
     plan.column_kinds = {"angles", "angles", "angles", "sharpness", "anisotropy"};
@@ -174,10 +174,10 @@ template StabilityPlan lobe_stability<Nasg>();
 template StabilityPlan lobe_stability<Nasgabor>();
 
 constexpr const char* kLobeRate = "lobe-lr";
-/// Limit on |cos| of a lobe's initial angles.
+/// The largest |cos| of a lobe's initial angles.
 constexpr double kLargestCosine = 0.98;
 
-/// Shared by the models of the folder.
+/// Returns the option for the learning rate of lobes, shared by the models of the folder.
 ModelOption lobe_rate_option() {
     return {.key = kLobeRate,
             .default_value = 0.0025,
@@ -194,20 +194,20 @@ ModelOption lobe_rate_option() {
                 "([appearance](lab/appearance.md#appearance-models-quality))"};
 }
 
-/// Where no rate is given, the rule of the NASG reference: 0.0025 at a camera spacing of 0.3536, falling with its
-/// square. It depends on the scene's unit, so the factor stays between 1e-3 and 1e3: a scene in millimetres still
-/// trains.
+/// Returns the given learning rate, or else the rate of the NASG reference: 0.0025 at a camera spacing of 0.3536,
+/// falling with the square of the spacing. The rule depends on the scene's unit, so its factor is clamped to 1e-3..1e3,
+/// and a scene in millimetres still trains.
 double lobe_rate(const RateContext& context) {
     if (const auto& given = context.options.at(kLobeRate)) return *given;
     return 0.0025 * std::clamp(std::pow(0.3536 / context.camera_spacing, 2), 1e-3, 1e3);
 }
 
-/// Sets the raw angles of a lobe so that its axis is `direction`. Near the ends of the angles (-y and +-x), where they
-/// learn badly, the axis is up to 23 degrees beside it.
+/// Sets the raw angles of a lobe so that its axis is `direction`. Near the ends of the angles' ranges (-y and +-x),
+/// where training is poor, the axis deviates by up to 23 degrees.
 template <class Model> void aim_lobe(const Vec3<double>& direction, float* raw) {
     const Vec3<double> axis = Model::to_lobe(direction);
     double theta = std::atan2(axis.y, axis.x);
-    if (theta < -M_PI / 2) theta += 2 * M_PI;  // LobeFrame has theta in (-pi/2, 3 pi/2), twice its angle less pi/2
+    if (theta < -M_PI / 2) theta += 2 * M_PI;  // LobeFrame has theta in (-pi/2, 3 pi/2), twice its LobeAngle minus pi/2
     const auto raw_angle = [](double cosine) {
         return float(std::atanh(std::clamp(cosine, -kLargestCosine, kLargestCosine)));
     };
@@ -220,12 +220,12 @@ template <class Model> ModelInfo lobe_info(const char* name, const char* summary
     m.name = name;
     m.summary = summary;
     m.options = {lobe_rate_option()};
-    const int carrier = Model::kAmplitude == 6 ? num_lobes * 30 : 0;  // tanh and cosine; sine on the way back
+    const int carrier = Model::kAmplitude == 6 ? num_lobes * 30 : 0;  // tanh and cosine; also sine in the backward pass
     m.operations = num_lobes * 200 + carrier, m.operations_backward = num_lobes * 350 + 2 * carrier;
     m.default_max_degree = m.max_degree_limit = num_lobes;
     m.residual_width = [](int lobes) { return Model::kPerLobe * lobes; };
     m.rates = [](int, const RateContext& context) {
-        // Constant to iteration 7000, then half a cosine that would reach 0 at 37 000.
+        // Constant until iteration 7000, then half a cosine that would reach 0 at 37 000.
         const auto decaying = [](double rate) { return Schedule::cosine(rate, 7000, 37000, 0, 1); };
         return AppearanceRates{decaying(0.00025), {decaying(lobe_rate(context))}};
     };

@@ -11,24 +11,24 @@ namespace gs::appearance {
 // derivatives (docs/math/appearance.md#lobe-density, #lobe-gradients). The density is written with ln K, where
 // K = (1 + v_z)/2.
 
-/// Keeps |tanh| of an angle parameter below 0.999999 = tanh(7.254...), so that every angle is in (0, pi) and its sine
-/// at least 1.4e-3.
+/// The largest raw angle. It keeps |tanh| of the parameter below 0.999999 = tanh(7.254...), so that every angle is in
+/// (0, pi) and its sine is at least 1.4e-3.
 inline constexpr double kLargestRawAngle = 7.254328619247669;
 /// The largest raw sharpness or anisotropy, ln 1e4. Sharpness and anisotropy stay below 1e4, beyond which a lobe is
 /// narrower than any pixel.
 inline constexpr double kLargestRawShape = 9.210340371976184;
-/// The smallest raw sharpness, ln 1e-6. Below that sharpness the density is uniform to float's precision, and its terms
-/// would be 0/0 at 0.
+/// The smallest raw sharpness, ln 1e-6. Below this sharpness the density is uniform in float precision; at sharpness 0
+/// its terms would be 0/0.
 inline constexpr double kSmallestRawSharpness = -13.815510557964274;
 /// A constant that the reference implementation adds to the exponent of K.
 inline constexpr double kExponentFloor = 5e-6;
-/// The floor of the squared sine to the axis: a tenth of float's resolution of a direction.
+/// The smallest squared sine of the angle to the axis. The sine, 1e-7, is about the resolution of a direction in float.
 inline constexpr double kSmallestSine2 = 1e-14;
-/// The squared sine (4.9e-4 radians) around the antipode within which the unbounded terms of the gradient are left out,
-/// as in the reference. The density has no limit at the antipode, since it depends on the azimuth.
+/// The squared sine of the angle (4.9e-4 radians) around the antipode within which the unbounded terms of the gradient
+/// are left out, as in the reference. The density has no limit at the antipode, since it depends on the azimuth.
 inline constexpr double kAntipodeSine2 = 2.4e-7;
 
-/// An angle whose cosine is tanh(raw), kept off 0 and pi.
+/// An angle whose cosine is tanh(raw), kept away from 0 and pi.
 template <class T> struct LobeAngle {
     T cos, sin;
 
@@ -45,7 +45,7 @@ template <class T> struct LobeAngle {
     }
 };
 
-/// The orthonormal frame R_z(theta) R_y(phi) R_z(psi); z is the lobe's axis, x the direction of its faster fall. phi
+/// The orthonormal frame R_z(theta) R_y(phi) R_z(psi); z is the lobe's axis, x the direction of its faster decay. phi
 /// and psi are in (0, pi). theta is in (0, pi) in the reference, whose axes then all lie in the half-space y > 0. With
 /// kWholeSphere it is in (-pi/2, 3 pi/2), which includes the opposite half-space.
 template <class T, bool kWholeSphere> struct LobeFrame {
@@ -55,7 +55,7 @@ template <class T, bool kWholeSphere> struct LobeFrame {
     static GS_HD LobeFrame of(const T* raw) {
         LobeFrame f;
         f.theta = LobeAngle<T>::of(raw[0]), f.phi = LobeAngle<T>::of(raw[1]), f.psi = LobeAngle<T>::of(raw[2]);
-        if (kWholeSphere) {  // theta becomes 2 theta - pi/2, which is the same at raw 0
+        if (kWholeSphere) {  // theta becomes 2 theta - pi/2, which leaves it unchanged at raw 0
             const T c = f.theta.cos, s = f.theta.sin;
             f.theta.cos = T(2) * s * c, f.theta.sin = (s - c) * (s + c);
         }
@@ -68,9 +68,9 @@ template <class T, bool kWholeSphere> struct LobeFrame {
     GS_HD Vec3<T> local(const Vec3<T>& d) const { return {dot(x, d), dot(y, d), dot(z, d)}; }
     GS_HD Vec3<T> world(const Vec3<T>& v) const { return x * v.x + y * v.y + z * v.z; }
 
-    /// Computes the gradient of the three raw angles from the gradient `g` of the local direction `v`. A turn of the
-    /// frame about an axis e changes L by e . (g x v), so that no sine is divided by. The axes are world z,
-    /// (-sin theta, cos theta, 0) and the lobe's.
+    /// Computes the gradient of the three raw angles from the gradient `g` of the local direction `v`. A rotation of
+    /// the frame about an axis e changes L by e . (g x v), which avoids divisions by a sine. The rotation axes are
+    /// world z, (-sin theta, cos theta, 0) and the lobe's axis.
     GS_HD void raw_gradient(const T* raw, const Vec3<T>& g, const Vec3<T>& v, T* dL_draw) const {
         const Vec3<T> local_torque = cross(g, v), torque = world(local_torque);
         dL_draw[0] = LobeAngle<T>::of(raw[0]).raw_gradient(raw[0], kWholeSphere ? T(2) * torque.z : torque.z);
@@ -79,11 +79,11 @@ template <class T, bool kWholeSphere> struct LobeFrame {
     }
 };
 
-/// The density B = N K^kappa exp(2 lambda (K^(1+kappa) - 1)) in local direction v, and the terms that its derivatives
-/// share.
+/// The density B = N K^kappa exp(2 lambda (K^(1+kappa) - 1)) in local direction v, and the terms shared by its
+/// derivatives.
 template <class T> struct LobeDensity {
     T t, a;   ///< 2 lambda, anisotropy
-    T s2, q;  ///< squared sine to the axis; squared cosine of the azimuth
+    T s2, q;  ///< squared sine of the angle to the axis; squared cosine of the azimuth
     T log_k, kappa;
     T decay;  ///< K^(1+kappa) - 1, without cancellation
     T value;
@@ -117,14 +117,14 @@ template <class T> struct LobeDensity {
 
     /// Returns d ln B / d kappa.
     GS_HD T slope_kappa() const { return log_k * (T(1) + t * (T(1) + decay)); }
-    /// Returns d ln B / d ln lambda, also at the limits of lambda.
+    /// Returns d ln B / d ln lambda, valid at the limits of lambda too.
     GS_HD T slope_sharpness() const { return t * decay + norm_slope(t); }
-    /// Returns dL/d raw sharpness from dL/d ln lambda; zero at a limit where the optimizer would push further.
+    /// Returns dL/d raw sharpness from dL/d ln lambda; zero at a limit if the optimizer would move further beyond it.
     static GS_HD T sharpness_gradient(T raw, T gradient) {
         return gradient_at_least(gradient_at_most(gradient, raw, T(kLargestRawShape)), raw, T(kSmallestRawSharpness));
     }
-    /// Returns d ln N / d ln lambda = 1 - t/(e^t - 1). Where that cancels it takes the series
-    /// t/2 - sum B_2k t^2k / (2k)!, which is exact to the last digit in double.
+    /// Returns d ln N / d ln lambda = 1 - t/(e^t - 1). Small t, where this formula cancels, uses the series t/2 - sum
+    /// B_2k t^2k / (2k)!, which is exact to the last digit in double.
     static GS_HD T norm_slope(T t) {
         if (!(t < T(0.25))) return T(1) - t / gs_expm1(t);
         const T x = t * t;
@@ -133,8 +133,8 @@ template <class T> struct LobeDensity {
     }
     /// Returns d ln B / d ln a.
     GS_HD T slope_anisotropy() const { return a * (q * slope_kappa() + T(0.5) / (T(1) + a)); }
-    /// Returns d ln B / d v, one of many extensions off the sphere; only its tangential part means something. 1 - v_z^2
-    /// is taken as v_x^2 + v_y^2, which keeps every term as small as their sum.
+    /// Returns d ln B / d v. The density is extended off the sphere, so only the tangential part of the result is
+    /// meaningful. 1 - v_z^2 is computed as v_x^2 + v_y^2, which keeps every term as small as their sum.
     GS_HD Vec3<T> slope_direction(const Vec3<T>& v) const {
         const bool cut = v.z < T(0) && s2 < T(kAntipodeSine2);
         const T turn = cut ? T(0) : T(2) * a * (slope_kappa() / s2) * v.x * v.y / s2;
@@ -156,21 +156,22 @@ template <class T> struct Carrier {
         return {k, gs_cos(half), gs_sin(half)};
     }
     GS_HD T value() const { return cos * cos; }
-    /// Returns the derivative by k v_x.
+    /// Returns the derivative with respect to k v_x.
     GS_HD T slope() const { return -cos * sin; }
 };
 
 /// residual(d) = sum over the active lobes of density(d) carrier(d) tanh(raw amplitude).
 /// Parameters of one lobe: raw theta, phi, psi, sharpness, anisotropy, raw frequency (only with a carrier), raw
-/// amplitude (rgb). Axes may point anywhere with kWholeSphere, else into the half-space y >= 0, as in the reference.
+/// amplitude (rgb). With kWholeSphere axes may point anywhere, otherwise only into the half-space y > 0, as in the
+/// reference.
 template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct NasgLobes {
     static constexpr int kPerLobe = kWithCarrier ? 9 : 8, kAmplitude = kPerLobe - 3;
     static constexpr int kMaxResidual = kLobes * kPerLobe;
     static constexpr bool kDirectional = true;
 
     template <class T> using Frame = LobeFrame<T, kWholeSphere>;
-    // With kWholeSphere the circle that theta runs along lies in the plane of y and z, where every convention has its
-    // up. The poles of the angles, where they learn badly, are then off to the sides.
+    // With kWholeSphere the circle traced by theta lies in the y-z plane, which contains the up direction of every
+    // convention. The poles of the angles, where training is poor, are then at the sides (+-x).
     template <class T> static GS_HD Vec3<T> to_lobe(const Vec3<T>& d) {
         return kWholeSphere ? Vec3<T>{d.z, d.y, -d.x} : d;
     }
@@ -209,7 +210,7 @@ template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct Na
             const Vec3<T> v = frame.local(to_lobe(direction));
             const LobeDensity<T> density = LobeDensity<T>::of(v, raw[3], raw[4]);
             const T g_density =
-                dot(amplitude(raw), dL_dresidual) * density.value;  // times the carrier: dL/d ln density
+                dot(amplitude(raw), dL_dresidual) * density.value;  // times the carrier it is dL/d ln density
             T carrier = T(1), dL_dphase_x = T(0);
             if constexpr (kWithCarrier) {
                 const Carrier<T> c = Carrier<T>::of(raw[5], v.x);

@@ -19,7 +19,7 @@ const ModelInfo& nasgabor_info();
 namespace {
 
 using appearance::LobeDensity;
-// These models have the frame of the reference, in which golden values are given. WholeSphere below compares the
+// These models use the reference's frame, for which golden values exist. The WholeSphere test below compares the
 // registered models with them.
 using Nasg = appearance::NasgLobes<false, 1, false>;
 using Nasgabor = appearance::NasgLobes<true, 1, false>;
@@ -104,7 +104,7 @@ TEST(Nasg, DensityIntegratesToOne) {
             constexpr int kRings = 4000, kSectors = 128;
             double sum = 0;
             for (int i = 0; i < kRings; ++i) {
-                // Rings have equal areas where lambda is small and crowd at the axis where it is large: z = 1 - 2 u^2.
+                // Rings have equal areas for small lambda and crowd at the axis for large lambda: z = 1 - 2 u^2.
                 const double u = (i + .5) / kRings, z = 1 - 2 * u * u, r = std::sqrt(1 - z * z);
                 for (int j = 0; j < kSectors; ++j) {
                     const double phi = 2 * M_PI * (j + .5) / kSectors;
@@ -141,7 +141,7 @@ TEST(Nasg, IsContinuousAtTheAxis) {
 }
 
 TEST(Nasg, AntipodeIsDarkExceptAcrossTheRidge) {
-    // The density stays N exp(-2 lambda) where v_x = 0 and falls to 0 in every other azimuth.
+    // The density stays N exp(-2 lambda) at v_x = 0 and falls to 0 at every other azimuth.
     const double lambda = .5, a = .5, bottom = std::sqrt(1.5) / (4 * M_PI) / -std::expm1(-1) * std::exp(-1);
     EXPECT_NEAR(density_at<double>(0, 0, true, lambda, a).value, bottom, 1e-3 * bottom);
     EXPECT_NEAR(density_at<float>(0, 0, true, lambda, a).value, bottom, 1e-3 * bottom);
@@ -150,8 +150,9 @@ TEST(Nasg, AntipodeIsDarkExceptAcrossTheRidge) {
     EXPECT_LT(density_at<double>(1e-6, 0, true, lambda, a).value, density_at<double>(1e-4, 0, true, lambda, a).value);
 }
 
-/// Returns the worst difference of the analytic gradients to fourth-order central ones at a direction `s` away from the
-/// axis (or its antipode), relative to the length of the direction's gradient, of the angles', and of all others.
+/// Returns the largest relative difference between analytic gradients and fourth-order central differences at a
+/// direction `s` away from the axis (or its antipode). The gradients of the direction, of the angles and of all other
+/// parameters are each compared relative to their own length.
 template <class Model>
 double gradient_error(double s, double azimuth, bool antipode, double raw_sharpness, double raw_anisotropy, double h) {
     std::vector<double> p = {.3, -.4, .2, raw_sharpness, raw_anisotropy};
@@ -194,9 +195,9 @@ TEST(Nasg, GradientsAreRightNearTheAxisAndTheAntipode) {
         for (const double s : {.5, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5}) {
             SCOPED_TRACE(testing::Message() << "sine " << s << ", azimuth " << azimuth);
             for (const double shape : {-3., .5, 3.}) {
-                // Near the axis the lobe is smooth at its own scale, whatever the distance; the carrier waves faster.
+                // Near the axis the lobe is smooth at its own scale at any distance; the carrier oscillates faster.
                 const double h = 1e-3 * std::min(std::exp(-shape), 1.0);
-                // The gradient vanishes towards the axis; the differences' rounding does not.
+                // The gradient vanishes towards the axis; the rounding error of the differences does not.
                 const double tolerance = 1e-6 + 1e-9 / s;
                 EXPECT_LT(gradient_error<Nasg>(s, azimuth, false, shape, shape, h), tolerance) << shape;
                 EXPECT_LT(gradient_error<Nasgabor>(s, azimuth, false, shape, shape, 0.2 * h), tolerance) << shape;
@@ -204,7 +205,7 @@ TEST(Nasg, GradientsAreRightNearTheAxisAndTheAntipode) {
             if (s < 2e-4) {
                 EXPECT_LT(gradient_error<Nasg>(s, azimuth, false, 9, 9, 1e-6), 1e-4) << "the narrowest lobe";
             }
-            // At the antipode it varies with the logarithm of the distance.
+            // At the antipode the gradient varies with the logarithm of the distance.
             if (s < 1e-3) continue;
             EXPECT_LT(gradient_error<Nasg>(s, azimuth, true, -1, .5, 1e-3 * s), 1e-5);
             EXPECT_LT(gradient_error<Nasgabor>(s, azimuth, true, -1, .5, 1e-3 * s), 1e-5);
@@ -246,7 +247,7 @@ TEST(Nasg, NanIsNotHidden) {
 }
 
 TEST(Nasg, ClampedShapesComeBack) {
-    // Off the axis a narrower lobe is darker: a pixel that should be brighter asks for a smaller sharpness.
+    // Off the axis a narrower lobe is darker: a pixel that should be brighter pulls towards a smaller sharpness.
     const double raw[8] = {0, 0, 0, 11, -2, 1, 1, 1};
     const auto f = LobeFrame<double>::of(raw);
     const Vec3<double> off = f.world({.02, 0, std::sqrt(1 - .0004)});
@@ -263,8 +264,8 @@ TEST(Nasg, ClampedShapesComeBack) {
 }
 
 TEST(Nasg, SharpnessOfUniformLobesHasAGradient) {
-    // d ln B/d ln lambda -> lambda (1 + 2 (K^(1+kappa) - 1)) as lambda -> 0. In float 1 - t/(e^t - 1) is off by more
-    // than that.
+    // d ln B/d ln lambda -> lambda (1 + 2 (K^(1+kappa) - 1)) as lambda -> 0. In float the error of 1 - t/(e^t - 1) is
+    // larger than that.
     for (const float raw : {-13.f, -10.f, -7.f, -2.5f, -2.f}) {
         const auto narrow = LobeDensity<float>::of({.6f, .48f, .64f}, raw, -1.f);
         const auto wide = LobeDensity<double>::of({.6f, .48f, .64f}, raw, -1.);
@@ -324,14 +325,14 @@ TEST(Nasg, WholeSphereIsTheSameLobeWhereBothReach) {
         appearance::Nasgabor::residual_backward(p, d, 1, kGradient, dp, dd);
         Nasgabor::residual_backward(q, turned, 1, kGradient, dq, dd_turned);
         for (int k = 1; k < 9; ++k) EXPECT_NEAR(dp[k], dq[k], 1e-14) << k;
-        // d raw' / d raw: both angles change by -sin d raw, one of them twice over.
+        // d raw' / d raw: both angles change by -sin d raw, one of them by twice that.
         EXPECT_NEAR(dp[0], dq[0] * 2 * LobeAngle<double>::of(raw).sin / std::sin(theta), 1e-13);
         expect_near(dd, {-dd_turned.z, dd_turned.y, dd_turned.x}, 1e-14);
     }
 }
 
 TEST(Nasg, AxesReachTheWholeSphere) {
-    // The first three components of the axis that raw angles can give, in each octant and on every side.
+    // The largest axis components, of either sign, that raw angles can give.
     double largest[6] = {};
     for (double theta = -7; theta <= 7; theta += .05)
         for (double phi = -4; phi <= 4; phi += .05) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host knows of the neural models: parameters, learning rates, first values, the form in files for viewers,
-// and degenerate cases for the stability measurement.
+// Host-side description of the neural models: parameters, learning rates, initial values, packing for viewers, and
+// degenerate cases for the stability measurement.
 #include <algorithm>
 #include <cmath>
 
@@ -12,8 +12,8 @@
 namespace gs::appearance {
 namespace {
 
-// Networks in files for viewers: per Gaussian the first layer's sums over what does not depend on the view, or, where
-// that would be more, its encoded features; weights as halves (docs/formats.md#scenengsplat).
+// Networks in files for viewers: per Gaussian the first layer's view-independent sums, or its encoded features if these
+// are fewer; weights as halves (docs/formats.md#scenengsplat).
 
 constexpr int kMaxBand = 3;       // of the 6 that packing.json allows
 constexpr int kMaxNeurons = 256;  // as in packing.json
@@ -27,7 +27,7 @@ int num_directional(const PackedHeader& header) {
     return n;
 }
 
-/// Returns the number of inputs whose weights are stored. A folded layer has the directional ones alone.
+/// Returns the number of inputs whose weights are stored. A folded layer has only the directional inputs.
 int num_inputs(const PackedHeader& header) {
     const int other = header.folded ? 0 : int(header.features) + (header.constant_input ? 1 : 0);
     return other + num_directional(header);
@@ -35,8 +35,8 @@ int num_inputs(const PackedHeader& header) {
 
 int num_halves(const PackedHeader& header) { return int(header.folded ? header.neurons : header.features); }
 
-/// Where W[output][input] of a layer with that many outputs lies in the layer's part of the stream: four inputs to a
-/// texel, texels of all outputs before the next four inputs.
+/// Returns the position of W[output][input], for a layer with `outputs` outputs, in the layer's part of the stream:
+/// four inputs per texel, with the texels of all outputs before the next four inputs.
 constexpr std::int64_t weight_at(int outputs, int output, int input) {
     return (std::int64_t(input / 4) * outputs + output) * 4 + input % 4;
 }
@@ -56,7 +56,7 @@ template <class Model> PackedAppearance prepare(const Gaussians& g) {
 
     const float* shared = g.shared.param.data();
     std::uint16_t* out = packed.weights.data();
-    // Inputs in the model's order: features, Y_0, then the bands; those above the active degree count for nothing.
+    // Inputs in the model's order: features, Y_0, then the bands; bands above the active degree have zero weights.
     const int skipped = header.folded ? Model::kEncoded + 1 : 0, inputs = num_inputs(header);
     for (int i = 0; i < inputs && skipped + i < Model::active_inputs(g.active_degree); ++i) {
         for (int o = 0; o < neurons; ++o)
@@ -77,7 +77,7 @@ template <class Model> PackedAppearance prepare(const Gaussians& g) {
 }
 
 template <class Model> void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {
-    if (g[Group::kResidual].width == 0) return;  // degree 0: nothing but the base colour
+    if (g[Group::kResidual].width == 0) return;  // degree 0: only the base colour
     double features[Model::kFeatures], x[Model::kInputs];
     std::copy_n(g[Group::kResidual].param.data() + row * Model::kFeatures, Model::kFeatures, features);
     Model::encode(features, Vec3<double>{0, 0, 1}, 0, x);
@@ -121,7 +121,7 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
     return packed_activation(header.activation, {hidden[0], hidden[1], hidden[2]});
 }
 
-/// The packing of a network of neural.h.
+/// Returns the packing of a network of neural.h.
 template <class Model> const Packing& network_packing() {
     static const Packing packing{&packing_description("neural"), prepare<Model>, pack_row<Model>, residual};
     return packing;
@@ -132,8 +132,8 @@ template const Packing& network_packing<NeuralThreeLayers>();
 template const Packing& network_packing<NeuralWide>();
 template const Packing& network_packing<NeuralPlain>();
 
-/// Returns features, then weights. The inner weights are all `inner` (0: waves of both signs), those of the output all
-/// `output` with a sign per channel.
+/// Returns features, then weights. All inner weights are `inner` (0: sine waves of both signs), and all output weights
+/// are `output` with one sign per channel.
 template <class Model> std::vector<double> network(double inner, double output) {
     std::vector<double> numbers(Model::kMaxResidual + Model::kNumShared);
     double* weights = numbers.data() + Model::kMaxResidual;
@@ -144,22 +144,22 @@ template <class Model> std::vector<double> network(double inner, double output) 
     return numbers;
 }
 
-/// Returns cases with neurons at exactly 0, all off, and all on; with outputs saturated either way; with weights at
-/// their limit.
+/// Returns cases with neurons at exactly 0, all off, and all on; with outputs saturated with either sign; with weights
+/// at their limit.
 template <class Model> StabilityPlan network_stability() {
     StabilityPlan plan;
     plan.column_kinds.assign(Model::kMaxResidual, "features");
     const std::array<double, 3> views[] = {{0.3, 0.8, -0.4}, {-0.5, -0.2, 0.9}, {0, 0, 1}, {1e-8, 1, 0}};
     for (const auto& view : views) {
-        // Inner weights of 0 put every neuron exactly at its corner.
+        // Inner weights of 0 put every neuron exactly at the kink of ReLU.
         auto corner = network<Model>(0, 0.5);
         std::fill(corner.begin() + Model::kMaxResidual, corner.begin() + Model::kMaxResidual + Model::kFirstOutput,
                   0.0);
         plan.cases.push_back({"neurons at 0", corner, view, std::array<double, 3>{}, "residual"});
         for (const double inner : {-1e4, -0.2, 0.2, 1e4})
             plan.cases.push_back({"neurons all off or on", network<Model>(inner, 0.1), view, {}, {}});
-        // Outputs go from ordinary ones through |o| = 9, where tanh is 1 in float, to far beyond 43, where its slope
-        // underflows.
+        // Outputs range from ordinary values through |o| = 9, where tanh is 1 in float, to far beyond 43, where its
+        // slope underflows.
         for (const double output : {0.5, 2., 5., 10., 20., 40., 100., 1e4})
             plan.cases.push_back({"saturated output", network<Model>(0, output), view, {}, {}});
     }
@@ -192,14 +192,14 @@ template <class Model> ModelInfo make_info(const char* name, const char* summary
     m.name = name;
     m.summary = summary;
     m.variant = m.name != "neural";  // of the paper's ablation
-    // Without the products, for which GPUs have other units: encoding, activations, tanh; on the way back both and
-    // their chain rule.
+    // Excludes the matrix products, which run on other units of the GPU. Counts encoding, activations and tanh; the
+    // backward pass counts both and their chain rule.
     m.operations = 20 * Model::kEncoded / 2 + 40 + Model::kLayers * Model::kNeurons + 60,
     m.operations_backward = 2 * m.operations;
     m.default_max_degree = m.max_degree_limit = 3;
     m.residual_width = [](int degree) { return degree > 0 ? Model::kFeatures : 0; };
     m.rates = [](int, const RateContext&) {
-        // Constant to iteration 7000, then half a cosine that would reach 0 at 37 000.
+        // Constant until iteration 7000, then half a cosine that would reach 0 at 37 000.
         const auto decaying = [](double rate) { return Schedule::cosine(rate, 7000, 37000, 0, 1); };
         return AppearanceRates{decaying(0.00025), {decaying(0.008)}, Schedule::warm_up(0.003)};
     };

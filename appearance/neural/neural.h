@@ -11,7 +11,7 @@
 
 namespace gs::appearance {
 
-/// One value per neuron, for device code and for scalars without vectors.
+/// One value per neuron, for device code and for scalar types without vector instructions.
 template <class T, int kWidth> struct ScalarNeurons {
     T v[kWidth];
 
@@ -50,7 +50,7 @@ template <class T, int kWidth> struct ScalarNeurons {
 template <class T, int kWidth> using Neurons = ScalarNeurons<T, kWidth>;
 #else
 
-/// One value per neuron in vectors of 16; the operations are those of ScalarNeurons.
+/// One value per neuron in vectors of 16, with the operations of ScalarNeurons.
 template <class T, int kWidth> struct LaneNeurons {
     static constexpr int kVectors = kWidth / kLanes;
     Lanes<T> v[kVectors];
@@ -85,21 +85,21 @@ using Neurons = std::conditional_t<(std::is_same_v<T, float> || std::is_same_v<T
 
 #endif
 
-/// The limit of features that enter the network as they are, so that products with weights over a few layers stay
-/// finite. The gradient passes, so that a feature beyond the limit comes back.
+/// The limit of features that enter the network without encoding, so that products with weights over a few layers stay
+/// finite. The gradient is not clamped, so that a feature beyond the limit can return.
 inline constexpr double kLargestFeature = 1e4;
 
-/// The sine and cosine of the encoding at full precision.
+/// Computes sine and cosine of the encoding at full precision.
 struct ExactSinCos {
     template <class T> GS_HD void operator()(T x, T& s, T& c) const { gs_sincos(x, s, c); }
 };
 
 /// residual(d) = tanh(W_out relu(... relu(W_0 x))), x = [encoded features, SH basis of d to degree 3]. There are no
 /// biases; the constant of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or
-/// enter as they are where kFrequencies is 0.
+/// enter without encoding if kFrequencies is 0.
 ///
-/// The shared weights are W_0 as (kInputs, kNeurons), the hidden matrices as (from, to), and the output as
-/// (3, kNeurons). Every row belongs to all neurons of a layer.
+/// The shared weights are W_0 as (kInputs, kNeurons), the hidden matrices as (from, to), and the output as (3,
+/// kNeurons). Every row holds the weights of all neurons of a layer.
 template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuronCount> struct NeuralResidual {
     static constexpr int kFeatures = kFeatureCount, kFrequencies = kFrequencyCount, kLayers = kHiddenLayers,
                          kNeurons = kNeuronCount;
@@ -111,11 +111,11 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
     static constexpr int kFirstOutput = kInputs * kNeurons + (kLayers - 1) * kNeurons * kNeurons;
     static constexpr int kNumShared = kFirstOutput + 3 * kNeurons;
 
-    /// Returns where the matrix into hidden layer `layer` begins.
+    /// Returns the offset of the matrix into hidden layer `layer`.
     static GS_HD constexpr int matrix(int layer) {
         return layer == 0 ? 0 : kInputs * kNeurons + (layer - 1) * kNeurons * kNeurons;
     }
-    /// Returns the number of inputs in use; bands of the direction above `degree` are 0.
+    /// Returns the number of inputs in use; the inputs of bands above `degree` are 0.
     static GS_HD constexpr int active_inputs(int degree) { return kEncoded + (degree + 1) * (degree + 1); }
 
     template <class T, class SinCos = ExactSinCos>
@@ -152,12 +152,12 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         }
     }
 
-    /// One forward pass and its activations.
+    /// The activations of one forward pass.
     template <class T> struct Pass {
         using Layer = Neurons<T, kNeurons>;
         T x[kInputs];
         Layer hidden[kLayers];
-        Vec3<T> output;  ///< before tanh
+        Vec3<T> output;  ///< output before tanh
 
         GS_HD Pass(const T* shared, const T* features, const Vec3<T>& direction, int degree) {
             encode(features, direction, degree, x);
@@ -224,7 +224,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
     }
 
   private:
-    /// Returns delta where the neuron was active and 0 elsewhere. The derivative of ReLU at 0 is 0.
+    /// Returns delta for active neurons and 0 for the others. The derivative of ReLU at 0 is 0.
     template <class Layer> static GS_HD Layer masked(const Layer& delta, const Layer& activation) {
         Layer out = delta;
         for (int j = 0; j < kNeurons; ++j)

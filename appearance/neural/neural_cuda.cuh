@@ -3,11 +3,12 @@
 //
 // Operands are halves and sums are float. Activations go from one layer to the next in registers. Only the inputs and
 // the three outputs pass through shared memory, from and to the lane of their Gaussian. The backward pass evaluates the
-// network again instead of storing activations: 7 more products for 16 Gaussians, against 134 bytes for each.
+// network again instead of storing activations: 7 more products for 16 Gaussians, instead of 134 stored bytes per
+// Gaussian.
 //
 // Gradients can be as small as 1e-10, because a loss is a mean over pixels. Each warp multiplies its gradients by the
 // power of two that takes the largest to [32, 64), and its contributions to the sums of the weights, in float, by the
-// inverse. So neither subnormals nor overflow of half occur, and nothing has to be chosen for a scene.
+// inverse. So neither subnormals nor overflow of half occur, and no scale has to be tuned per scene.
 #pragma once
 
 #include <cuda_fp16.h>
@@ -19,13 +20,13 @@ namespace gs::tensor {
 
 // Multiplies small half-precision matrices on the tensor cores of one warp: C (16x8, float) += A (16x16) B (16x8).
 //
-// The elements lie as follows (PTX ISA, mma.m16n8k16), with group = lane / 4, pair = 2 * (lane % 4):
-//   A: registers 0 to 3 hold columns pair, pair + 1 of row group, of row group + 8, and the same of columns 8 on;
-//   B: registers 0 and 1 hold rows pair, pair + 1 of column group, and rows 8 on;
+// The elements are distributed as follows (PTX ISA, mma.m16n8k16), with group = lane / 4, pair = 2 * (lane % 4):
+//   A: registers 0 to 3 hold columns pair, pair + 1 of row group, of row group + 8, and the same for columns from 8 on;
+//   B: registers 0 and 1 hold rows pair, pair + 1 of column group, and the same for rows from 8 on;
 //   C: values 0, 1 are columns pair, pair + 1 of row group, 2, 3 of row group + 8.
 // So two neighbouring C tiles, rounded, are the A operand of the next product.
 
-/// The magnitude at which values saturate when they become halves. The largest half is 65504.
+/// The magnitude at which values saturate on conversion to half. The largest half is 65504.
 inline constexpr float kSaturation = 60000.0f;
 
 /// Adds A B to C.
@@ -52,7 +53,7 @@ __device__ inline void load(unsigned (&r)[4], const __half* piece, int stride) {
                  : "r"(at)
                  : "memory");
 }
-/// Loads such a piece as two B operands: its columns 0 to 7 (registers 0, 1) and 8 to 15 (2, 3).
+/// Loads a 16x16 piece as two B operands: its columns 0 to 7 (registers 0, 1) and 8 to 15 (2, 3).
 __device__ inline void load_columns(unsigned (&r)[4], const __half* piece, int stride) {
     const int lane = threadIdx.x & 31;
     const unsigned at = unsigned(__cvta_generic_to_shared(piece + (lane & 15) * stride + (lane >> 4) * 8));
@@ -68,7 +69,7 @@ __device__ inline void load_half(unsigned& r0, unsigned& r1, const __half* piece
     asm volatile("ldmatrix.sync.aligned.m8n8.x2.shared.b16 {%0,%1}, [%2];" : "=r"(r0), "=r"(r1) : "r"(at) : "memory");
 }
 
-/// Returns an 8x8 tile of halves with rows and columns exchanged.
+/// Returns the transpose of an 8x8 tile of halves.
 __device__ inline unsigned transpose(unsigned x) {
     unsigned y;
     asm("movmatrix.sync.aligned.m8n8.trans.b16 %0, %1;" : "=r"(y) : "r"(x));
@@ -88,8 +89,8 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
     static_assert(kInputs % 16 == 0 && kEncoded % 8 == 0 && kNeurons % 16 == 0, "matrices of whole tiles");
     static_assert(kFrequencies <= 1, "a feature's gradient comes from one pair of inputs");
     static_assert(kInputs >= 2 * Model::kBases, "the gradient of the bases takes the place of the inputs");
-    /// Halves of one Gaussian's row: its inputs, and 16 bytes for its outputs or their gradient. Rows of this length
-    /// lie on different banks.
+    /// Length of one Gaussian's row in halves: its inputs, and 16 bytes for its outputs or their gradient. Rows of this
+    /// length avoid bank conflicts.
     static constexpr int kStride = kInputs + 8;
 
     // The fragments of B operands hold the matrices of the forward pass, then the transposes for the backward pass.
@@ -165,7 +166,7 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
         if (largest < 0x00800000u) return;  // all 0 (or subnormal)
         const unsigned exponent = min(259 - (largest >> 23), 247u);
         const float scale = __uint_as_float(exponent << 23), inverse = __uint_as_float((254 - exponent) << 23);
-        __syncwarp();  // until all have read their outputs
+        __syncwarp();  // until all lanes have read their outputs
         *reinterpret_cast<uint4*>(outputs(lane())) =
             make_uint4(tensor::pack(d[0] * scale, d[1] * scale), tensor::pack(d[2] * scale, 0), 0, 0);
         __syncwarp();
@@ -184,7 +185,7 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
     }
 
     static __device__ void prepare(unsigned* prepared, int k, float w) {
-        const int row = k / kNeurons, column = k % kNeurons;  // each row belongs to a whole layer
+        const int row = k / kNeurons, column = k % kNeurons;  // each row holds the weights of all neurons of a layer
         if (k >= Model::kFirstOutput) {
             const int output = row - Model::kFirstOutput / kNeurons;
             put(prepared, kForwardOutput, 1, column, output, w);
@@ -236,14 +237,14 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
         const uint2 b = fragments_[fragment * 32];
         tensor::multiply(c, a, b.x, b.y);
     }
-    /// Writes element (k, n) of a B operand whose tiles begin at fragment `first`, `columns` of them side by side.
+    /// Writes element (k, n) of a B operand whose tiles begin at fragment `first`, with `columns` tiles side by side.
     static __device__ void put(unsigned* prepared, int first, int columns, int k, int n, float w) {
         const int fragment = first + k / 16 * columns + n / 8, in_lane = n % 8 * 4 + k % 8 / 2;
         reinterpret_cast<__half*>(prepared)[((fragment * 32 + in_lane) * 2 + k % 16 / 8) * 2 + k % 2] =
             __float2half_rn(w);
     }
 
-    /// Computes sine and cosine to 1e-6, an error that half rounds away, in a fifth of sincosf's instructions.
+    /// Computes sine and cosine with an error of 1e-6, far below half precision, in a fifth of sincosf's instructions.
     struct SinCosForHalf {
         __device__ void operator()(float x, float& s, float& c) const {
             if (fabsf(x) < 1e4f) {
@@ -260,7 +261,7 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
     __device__ void stage_inputs(const float* features, const Vec3<float>& direction, int degree, bool active) {
         float x[kInputs] = {};
         if (active) Model::encode(features, direction, degree, x, SinCosForHalf{});
-        __syncwarp();  // until all have used the previous inputs
+        __syncwarp();  // until all lanes have used the previous inputs
         uint4* to = reinterpret_cast<uint4*>(stage_ + lane() * kStride);
 #pragma unroll
         for (int k = 0; k < kInputs; k += 8)
@@ -282,7 +283,7 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
 #pragma unroll
         for (int v = 0; v < 4; ++v) sum[v] = fmaf(c[v], inverse, sum[v]);
     }
-    /// Writes C tile n of a layer's gradient where the neurons were active, as part of the next A operand.
+    /// Writes C tile n of a layer's gradient, zeroed for inactive neurons, as part of the next A operand.
     static __device__ void store_active(unsigned (&delta)[kTiles][4], int n, const float (&c)[4],
                                         const unsigned (&hidden)[kTiles][4]) {
 #pragma unroll
@@ -381,7 +382,7 @@ class WarpAppearance<appearance::NeuralResidual<kFeatures, kFrequencies, kLayers
     }
 
     __half* stage_;
-    const uint2* fragments_;                  ///< fragments of this lane
+    const uint2* fragments_;                  ///< this lane's fragments
     unsigned hidden_[2][kLayers][kTiles][4];  ///< activations after ReLU, as A operands
     Vec3<float> output_;                      ///< output of this lane's Gaussian, before tanh
     float input_sums_[kTiles][kInColumns][4] = {},

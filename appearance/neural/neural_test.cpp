@@ -95,7 +95,7 @@ TEST(Neural, InitialWeightsAreUniformInGlorotsBounds) {
 }
 
 TEST(Neural, VectorsEqualScalars) {
-    // long double has no vectors and takes the scalar form of the network.
+    // long double has no vector type and uses the scalar form of the network.
     std::mt19937 rng(3);
     std::normal_distribution<double> normal;
     std::vector<double> w(16 * 3);
@@ -118,7 +118,7 @@ TEST(Neural, VariantsHaveThePapersSizes) {
 }
 
 TEST(Neural, SaturatedOutputKeepsItsGradient) {
-    // 1 - tanh^2 would be 0 in float for outputs beyond 9, and the weights could never come back.
+    // 1 - tanh^2 would be 0 in float for outputs beyond 9, and the weights could never return.
     std::vector<float> w(Neural::kNumShared, 0.2f), dw(w.size());
     const float f[8] = {.1f, .2f, .3f, .4f, .5f, .6f, .7f, .8f};
     float df[8] = {};

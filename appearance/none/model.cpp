@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host knows of the model without view dependence.
+// Host-side description of the model without view dependence.
 #include "appearance/model_info.h"
 #include "appearance/none/none.h"
 #include "appearance/sh/packing.h"

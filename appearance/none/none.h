@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// None: the same colour from every direction.
+// None: the same colour in every direction.
 #pragma once
 
 #include "appearance/contract.h"

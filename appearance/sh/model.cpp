@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host knows of spherical harmonics: parameters, learning rates, first values.
+// Host-side description of spherical harmonics: parameters, learning rates, initial values.
 #include "appearance/model_info.h"
 
 #include <algorithm>

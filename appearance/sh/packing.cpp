@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packs coefficients as codes of few bits, and evaluates colours from them.
+// Packs coefficients as low-bit codes, and evaluates residuals from the codes.
 #include "appearance/sh/packing.h"
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kBands = 3;
 
-/// Coefficients of a band, and where they begin in a row of residuals.
+/// Return the number of coefficients of a band, and their offset in a residual row.
 constexpr int num_fields(int band) { return 3 * (2 * band + 1); }
 constexpr int first_field(int band) { return 3 * (band * band - 1); }
 
@@ -24,7 +24,7 @@ int degree_of(const PackedHeader& header) {
     return degree;
 }
 
-/// The largest code of a band.
+/// Returns the largest code of a band.
 constexpr int code_limit(int band) { return (1 << (kPackedShBits[band - 1] - 1)) - 1; }
 
 int code_of(double coefficient, double scale, int band) {
@@ -32,8 +32,8 @@ int code_of(double coefficient, double scale, int band) {
     return int(std::clamp(std::nearbyint(coefficient / scale * limit), -limit, limit));
 }
 
-/// What the codes of one Gaussian's band lose, as the squared error of a pixel that it covers, which is 1 at most: mean
-/// over directions, of which the basis functions are orthonormal, summed over channels.
+/// Returns the error of the codes of one Gaussian's band: the squared error of a pixel that the Gaussian covers, at
+/// most 1, averaged over directions (the basis functions are orthonormal) and summed over channels.
 double visible_error(const float* coefficients, int band, double scale, double opacity) {
     double squares[3] = {}, sum = 0;
     for (int f = 0; f < num_fields(band); ++f) {
@@ -44,8 +44,8 @@ double visible_error(const float* coefficients, int band, double scale, double o
     return sum;
 }
 
-/// The coefficient that the largest code of a band stands for: the largest of the scene, or what leaves some outside
-/// if that shows less error.
+/// Returns the coefficient represented by the largest code of a band: the largest of the scene, or a smaller value that
+/// clips some coefficients if that gives a smaller visible error.
 float find_band_scale(const Gaussians& g, int band) {
     const auto& residual = g[Group::kResidual];
     const auto coefficients = [&](std::int64_t row) {

@@ -6,10 +6,10 @@
 
 namespace gs::appearance {
 
-/// The bits of a coefficient of band 1..3, and 32-bit words of a Gaussian in the band's texture, as in packing.json.
+/// Bits of a coefficient, and 32-bit words per Gaussian in the band's texture, for bands 1 to 3, as in packing.json.
 inline constexpr int kPackedShBits[3] = {7, 8, 6}, kPackedShWords[3] = {2, 4, 4};
 
-/// Sets field `f` of `bits` bits, two's complement, of fields that lie one behind the other from the lowest bit on.
+/// Sets field `f` of consecutive fields of `bits` bits each, in two's complement, packed from the lowest bit on.
 void set_field(std::uint32_t* words, int bits, int f, int value);
 int get_field(const std::uint32_t* words, int bits, int f);
 

@@ -7,7 +7,7 @@
 
 namespace gs::appearance {
 
-/// residual(d) = sum_i Y_i(d) k_i over the active bands; k_i rows of 3 (rgb), i = 1..15 in the order of 3DGS.
+/// residual(d) = sum_i Y_i(d) k_i over the active bands; k_i are rows of 3 (rgb), i = 1..15 in the order of 3DGS.
 struct Sh : ShBasis {
     static constexpr int kMaxResidual = 45;
     static constexpr bool kDirectional = true;

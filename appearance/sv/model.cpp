@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host knows of spherical Voronoi: parameters, learning rates, first values, the form in files for viewers,
-// and degenerate cases for the stability measurement.
+// Host-side description of spherical Voronoi: parameters, learning rates, initial values, packing for viewers, and
+// degenerate cases for the stability measurement.
 #include <algorithm>
 #include <cmath>
 
@@ -11,7 +11,7 @@
 namespace gs::appearance {
 namespace {
 
-// SV in files for viewers: seven halves per site, the direction to it as a unit vector, temperature, colour
+// SV in files for viewers: seven halves per site, namely its direction as a unit vector, temperature and colour
 // (docs/formats.md#scenengsplat).
 
 constexpr int kPerSite = Sv::kPerSite;
@@ -54,7 +54,7 @@ const Packing& sv_packing() {
 
 constexpr int kSites = Sv::kMaxResidual / Sv::kPerSite;
 
-/// Returns sites on the axes (exact in float) and one between them, all of different colours. Site 0 is +z.
+/// Returns sites on the axes (exact in float) and one site between them, all with different colours. Site 0 is +z.
 std::vector<double> sites_on_axes(double raw_temperature) {
     const double sites[kSites][3] = {{0, 0, 1},  {1, 0, 0},  {0, 1, 0},       {-1, 0, 0},
                                      {0, -1, 0}, {0, 0, -1}, {0.6, -0.7, 0.4}};
@@ -116,9 +116,9 @@ void add_lengths(StabilityPlan& plan) {
                 }
 }
 
-/// Returns views at a site and at its antipode, exactly and at distances of 1e-8 to 1e-3; coincident, opposite, short,
-/// zero and huge sites; temperatures around the limit; all temperatures so high or so low that the residual is at an
-/// exact limit.
+/// Returns the cases: views at a site and at its antipode, and at distances of 1e-8 to 1e-3 from them; coincident,
+/// opposite, short, zero and huge sites; temperatures around the limit; all temperatures so high or so low that the
+/// residual is at an exact limit.
 StabilityPlan sv_stability() {
     StabilityPlan plan;
     for (int i = 0; i < kSites; ++i) {
@@ -138,7 +138,8 @@ StabilityPlan sv_stability() {
 }
 
 AppearanceRates sv_rates(int sites, const RateContext&) {
-    // Sites and temperatures wait for geometry until iteration 1000, fall to a tenth by 27 000 and rest from then on.
+    // The rates of sites and temperatures are 0 until iteration 1000, while geometry forms, fall to a tenth by 27 000
+    // and then stay constant.
     const auto delayed = [](double rate) { return Schedule::cosine(rate, 1000, 27000, 0.1, 0, true); };
     const Schedule color = Schedule::constant(0.0008), site = delayed(0.002), temperature = delayed(0.006);
     AppearanceRates rates{color, {}};

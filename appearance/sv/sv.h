@@ -6,10 +6,10 @@
 
 namespace gs::appearance {
 
-/// Keeps temperatures below e^11 = 6e4. Cells are then harder than a pixel can tell, and weights in float still exact
-/// enough.
+/// The largest raw temperature, which keeps temperatures below e^11 = 6e4. At this limit cell borders are sharper than
+/// a pixel, and weights in float are still accurate enough.
 inline constexpr double kLargestRawTemperature = 11;
-/// The shortest raw site that still has a gradient. Only the direction of a site matters.
+/// The length below which a raw site gets no gradient. Only the direction of a site matters.
 inline constexpr double kShortestSite = 1e-6;
 
 /// residual(d) = sum_i w_i c_i, w = softmax(-tau_i |s_i - d|) over the first `degree` sites.
@@ -45,17 +45,17 @@ template <int kSites> struct SphericalVoronoi {
         }
     };
 
-    /// The sum of the weights so far, relative to the largest logit.
+    /// Running softmax: the largest logit so far, and the sum of the weights relative to it.
     template <class T> struct Softmax {
         T largest = T(-1e30), sum = T(0);
 
-        /// The change that a new logit makes to the sums.
+        /// The change of the running sums by a new logit.
         struct Change {
             bool likelier;  ///< true: `factor` multiplies the sums so far; false: it multiplies the new term
             T factor;
         };
-        /// Adds a logit with one exponential. Its argument is kept from being positive, because fused multiply-add may
-        /// leave the logit's product a rounding above its own maximum. NaN stays NaN.
+        /// Adds a logit with one exponential. The argument of the exponential is never positive: with fused
+        /// multiply-add a recomputed logit may exceed its own maximum by a rounding error. NaN stays NaN.
         GS_HD Change add(T logit) {
             const Change c{logit > largest, gs_exp(-gs_abs(logit - largest))};
             sum = c.likelier ? sum * c.factor + T(1) : sum + c.factor;
@@ -83,9 +83,9 @@ template <int kSites> struct SphericalVoronoi {
     }
 
     /// The softmax, the colour of its likeliest site (`origin`), and the amount by which the mean colour exceeds it
-    /// along dL_dresidual, times the sum of weights (`excess`). Differences to the mean drive sites and temperatures.
-    /// Where one site has all the weight, or all colours are equal, differences of absolute colours would be rounding,
-    /// of which Adam makes full steps.
+    /// along dL_dresidual, times the sum of weights (`excess`). Differences from the mean colour drive the gradients of
+    /// sites and temperatures. If one site has all the weight, or if all colours are equal, differences of absolute
+    /// colours would be pure rounding errors, which Adam would turn into full steps.
     template <class T> struct MeanExcess {
         Softmax<T> softmax;
         Vec3<T> origin{T(0), T(0), T(0)};
@@ -121,7 +121,7 @@ template <int kSites> struct SphericalVoronoi {
             const Site<T> site = Site<T>::of(raw, direction);
             const T w = all.softmax.relative(site.logit) * inverse;
             const T dL_dlogit = w * (dot(site_color(raw) - all.origin, dL_dresidual) - mean);
-            // The distance has a kink at the site itself, where its subgradient 0 is taken.
+            // The distance has a kink at the site itself; the subgradient 0 is used there.
             const Vec3<T> dL_dsite = site.offset * (-site.temperature * dL_dlogit / at_least(site.distance, T(1e-12)));
             if (site.length >= T(kShortestSite)) {
                 const Vec3<T> g = (dL_dsite - site.unit * dot(dL_dsite, site.unit)) * (T(1) / site.length);

@@ -72,7 +72,7 @@ TEST(Sv, InitialSitesAndColors) {
         for (int c = 0; c < 3; ++c) EXPECT_NEAR(row[7 * i + c], want[3 * i + c], 1e-6) << i;
         for (int c = 3; c < 7; ++c) EXPECT_EQ(row[7 * i + c], 0);
     }
-    // Sites and temperatures have nothing to gain where all colours are equal.
+    // Sites and temperatures have no gradient if all colours are equal.
     const Gradient g = gradient<Sv>({row.begin(), row.end()}, kView.unit, 7);
     for (int k = 0; k < Sv::kMaxResidual; ++k) {
         if (k % 7 < 4)
@@ -191,7 +191,7 @@ TEST(Sv, NanIsNotHidden) {
 }
 
 TEST(Sv, LimitedTemperaturesComeBack) {
-    // Two sites at nearly the same distance leave a gradient for the temperature even at the limit.
+    // Two sites at nearly the same distance give the temperature a gradient even at the limit.
     std::vector<double> p = {1, .001, 0, 12, 1, 0, 0, 1, -.00101, 0, 12, 0, 0, 0};
     using Two = appearance::SphericalVoronoi<2>;
     const Gradient up = gradient<Two>(p, {1, 0, 0}, 2);
@@ -205,8 +205,9 @@ TEST(Sv, LimitedTemperaturesComeBack) {
 }
 
 TEST(Sv, WhereOneSiteTakesAllNothingIsLeftOfTheDifferences) {
-    // At temperatures of 2e4 the nearest site has all the weight, and the others add less than 1e-30. The plain formula
-    // leaves the rounding of the mean colour, a few 1e-8 times the temperature, in every gradient of that site.
+    // At temperatures of 2e4 the nearest site has all the weight, and the others add less than 1e-30. The naive formula
+    // would leave the rounding error of the mean colour, a few 1e-8 times the temperature, in every gradient of that
+    // site.
     const auto wide = random_rows(std::log(2e4));
     const std::vector<float> rows(wide.begin(), wide.end());
     std::vector<float> g(rows.size());
@@ -229,7 +230,7 @@ TEST(Sv, LongSitesKeepTheirDirection) {
     const Vec3<float> d{.6f, .48f, .64f};
     const std::vector<float> near(rows.begin(), rows.end());
     const Vec3<float> want = Sv::residual(near.data(), d, 7);
-    for (const double length : {1e15, 1e18, 1e20, 1e38}) {  // squares overflow in float from 1.8e19 on
+    for (const double length : {1e15, 1e18, 1e20, 1e38}) {  // squares overflow in float above 1.8e19
         for (int i = 0; i < 7; ++i)
             for (int c = 0; c < 3; ++c) rows[7 * i + c] = unscaled[7 * i + c] * length;
         const std::vector<float> far(rows.begin(), rows.end());

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Merges Gaussians into the neighbours that stay: a model of fewer Gaussians, each level from the whole model.
+// Makes models of fewer Gaussians by merging Gaussians into staying neighbours. Each level is made from the whole
+// model.
 #include "lib/export/coarser.h"
 
 #include <Eigen/Dense>
@@ -18,25 +19,25 @@
 namespace gs {
 namespace {
 
-/// The neighbours that a Gaussian may be merged into.
+/// Number of neighbours that are candidates for merging a Gaussian.
 constexpr std::size_t kNeighbours = 8;
-/// Weight of a squared colour difference, against a squared distance in standard deviations.
+/// Weight of a squared colour difference relative to a squared distance in standard deviations.
 constexpr double kColourWeight = 100;
-/// The share of all scores that may be left out. Merging nearly invisible Gaussians would add
-/// opacity in empty space.
+/// The fraction of the total score that may be left out. Merging nearly invisible Gaussians would add opacity in empty
+/// space.
 constexpr double kLeftOut = 1e-4;
-/// A weight above 0 for Gaussians without a score, which one without a neighbour may be.
+/// The least weight, above 0 so that Gaussians without a score can be merged.
 constexpr double kLeastScore = 1e-30;
 constexpr double kMostOpacity = 0.9999;
-/// Added to variances so that covariances of discs stay invertible.
+/// Constant added to variances, so that covariances of discs stay invertible.
 constexpr double kLeastVariance = 1e-12;
 
-/// One Gaussian as it is merged.
+/// The merged properties of one Gaussian.
 struct Body {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero(), color = Eigen::Vector3d::Zero();
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
     double cover = 0;   ///< opacity times mean area
-    double weight = 0;  ///< from the score
+    double weight = 0;  ///< score, clamped
 };
 
 Body body_of(const Gaussians& g, const std::vector<float>& scores, std::int64_t i) {
@@ -54,7 +55,7 @@ Body body_of(const Gaussians& g, const std::vector<float>& scores, std::int64_t 
     return body;
 }
 
-/// Returns how unlike two Gaussians are.
+/// Returns the dissimilarity of two Gaussians.
 double difference(const Body& a, const Body& b) {
     const Eigen::Vector3d d = a.mean - b.mean;
     Eigen::Matrix3d both = a.covariance + b.covariance;
@@ -62,7 +63,7 @@ double difference(const Body& a, const Body& b) {
     return d.dot(both.ldlt().solve(d)) + kColourWeight * (a.color - b.color).squaredNorm();
 }
 
-/// Presents the means of the Gaussians that stay to nanoflann.
+/// Adapter that gives nanoflann the means of the staying Gaussians.
 struct StayingMeans {
     const std::vector<Body>& bodies;
     const std::vector<std::int64_t>& rows;
@@ -75,8 +76,8 @@ struct StayingMeans {
 using MeansTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, StayingMeans>, StayingMeans,
                                                       3, std::size_t>;
 
-/// Returns for every row the position in `stay` of the Gaussian that it becomes a part of; -1 for one that is left out.
-/// `order` has the rows by falling score; `stay` the first of them in the order of the model.
+/// Returns for every row the position in `stay` of the Gaussian into which it is merged, or -1 if it is left out.
+/// `order` has the rows by descending score; `stay` has the first of these rows in the order of the model.
 std::vector<std::int64_t> find_targets(const std::vector<Body>& bodies, const std::vector<std::int64_t>& order,
                                        const std::vector<std::int64_t>& stay) {
     constexpr std::int64_t kOpen = -2;
@@ -104,7 +105,7 @@ std::vector<std::int64_t> find_targets(const std::vector<Body>& bodies, const st
     return target;
 }
 
-/// Returns the merged parts, one for each Gaussian that stays.
+/// Returns the merged properties, one per staying Gaussian.
 std::vector<Body> merged(const std::vector<Body>& bodies, const std::vector<std::int64_t>& target, std::size_t count) {
     std::vector<Body> out(count);
     const auto each = [&](auto&& add) {
@@ -124,7 +125,7 @@ std::vector<Body> merged(const std::vector<Body>& bodies, const std::vector<std:
     return out;
 }
 
-/// Writes a merged Gaussian to row k, but for its residual.
+/// Writes a merged Gaussian, except its residual, to row k.
 void store(const Body& body, Gaussians& g, std::int64_t k) {
     const auto row = [&](Group group) { return g[group].param.data() + k * g[group].width; };
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solved(body.covariance);

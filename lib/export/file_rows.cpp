@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Copies rows of all groups, and brings two kinds of Gaussians into one order.
+// Copies rows of all parameter groups, and interleaves Gaussians with and without a residual.
 #include "lib/export/file_rows.h"
 
 namespace gs {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which Gaussians a packed file holds, and in which order: a viewer may have the first part of it alone.
+// Selection and order of the Gaussians in a packed file. A viewer may have received only the first part of the file.
 #pragma once
 
 #include <array>
@@ -17,17 +17,18 @@ inline double mean_area(const std::array<double, 3>& s) {
     return std::pow(pair(0, 1) + pair(0, 2) + pair(1, 2), 1 / 1.6);
 }
 
-/// Returns the Gaussians of `rows`, in that order, without the optimizer's state. Those with a residual come first.
+/// Returns the Gaussians of `rows`, in that order, without the optimizer state. `rows` must list Gaussians with a
+/// residual first.
 Gaussians selected_rows(const Gaussians& gaussians, const std::vector<std::int64_t>& rows);
 
-/// The number of classes of importance, in each of which Gaussians keep the order of the model.
+/// Number of importance classes. Within a class Gaussians keep the order of the model.
 inline constexpr std::int64_t kImportanceClasses = 16;
 
-/// Returns the first of `count` rows that belongs to class k, and for k = kImportanceClasses the end.
+/// Returns the first row of class k among `count` rows; for k = kImportanceClasses, `count`.
 inline std::int64_t class_begin(std::int64_t count, std::int64_t k) { return count * k / kImportanceClasses; }
 
-/// Returns for every place in the file of a mixed model the row that stands there: class by class those with a
-/// residual, which are the first `with_residual` rows, and then those without.
+/// Returns the row at every position in the file of a mixed model. Each class has first its rows with a residual, taken
+/// from the first `with_residual` rows, and then its rows without.
 std::vector<std::int64_t> interleaved_rows(std::int64_t with_residual, std::int64_t count);
 
 }  // namespace gs

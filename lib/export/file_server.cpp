@@ -29,16 +29,17 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// The largest piece of a file held in memory, bytes.
+/// The largest part of a file held in memory, bytes.
 constexpr std::size_t kChunk = 1 << 20;
-/// The most connections served at once; others wait. Fewer than the usual limit of 1024 open files.
+/// The largest number of connections served at once; others wait. It is below the usual limit of 1024 open files.
 constexpr std::size_t kMaxConnections = 800;
-/// How often what ends the server is looked at.
+/// The interval at which the conditions that end the server are checked.
 constexpr milliseconds kLook(20);
-/// The one other site whose pages may read scenes: the viewer of the paper (docs/formats.md).
+/// The only other site whose pages may read scenes: the paper's viewer (docs/formats.md).
 constexpr const char* kPaperViewer = "https://fhahlbohm.github.io";
 
-/// Gives each connection a thread. The library's own pool has a few, which idle clients occupy.
+/// Runs each connection in its own thread. The library's own pool has only a few threads, which idle clients would
+/// occupy.
 class ThreadForEach : public httplib::TaskQueue {
   public:
     void enqueue(std::function<void()> serve) override {
@@ -49,7 +50,7 @@ class ThreadForEach : public httplib::TaskQueue {
             try {
                 running_.push_back(std::async(std::launch::async, serve));
                 return;
-            } catch (const std::system_error&) {  // the system has no more threads: one must end first
+            } catch (const std::system_error&) {  // the system has no more threads: wait until one ends
             }
         }
     }
@@ -59,8 +60,9 @@ class ThreadForEach : public httplib::TaskQueue {
     std::list<std::future<void>> running_;
 };
 
-/// Ends all connections of this process that came in at `port`. The library shows its sockets to nobody. When it stops
-/// it waits until each client has ended or timed out, and one that sends a byte now and then never does.
+/// Ends all connections of this process at `port`. It searches the open files, because the library does not expose its
+/// sockets. On stopping, the library waits until each client has ended or timed out, which never happens for a client
+/// that sends a byte now and then.
 void end_connections(int port) {
     std::error_code error;
     for (fs::directory_iterator it("/proc/self/fd", error), end; !error && it != end; it.increment(error)) {
@@ -88,8 +90,8 @@ const char* content_type(const fs::path& file) {
     return known == types.end() ? "application/octet-stream" : known->second;  // .ngsplat, .ply, .splat
 }
 
-/// Returns the file of a decoded request path, with links resolved; nothing for a path outside of `root`, which must be
-/// canonical.
+/// Returns the file of a decoded request path, with links resolved, or nothing for a path outside of `root`, which must
+/// be canonical.
 std::optional<fs::path> served_file(const fs::path& root, const std::string& request_path) {
     const fs::path relative = fs::path(request_path).relative_path();
     if (request_path.find('\0') != std::string::npos) return std::nullopt;
@@ -100,8 +102,8 @@ std::optional<fs::path> served_file(const fs::path& root, const std::string& req
     return inside.empty() || *inside.begin() == ".." ? std::nullopt : std::optional(file);
 }
 
-/// Keeps the range that the library is to answer, cut to a file of `size` bytes. Ignores what RFC 9110 lets a server
-/// ignore: several ranges, and If-Range, because no answer carries a validator. Returns false for a range without
+/// Keeps the range that the library should answer, clipped to a file of `size` bytes. As RFC 9110 allows, ignores
+/// several ranges, and ranges with If-Range, because no answer has a validator. Returns false for a range without
 /// bytes.
 bool keep_one_range(httplib::Request& request, ssize_t size) {
     const httplib::Ranges ranges = std::exchange(request.ranges, {});
@@ -116,20 +118,20 @@ bool keep_one_range(httplib::Request& request, ssize_t size) {
     return true;
 }
 
-/// Returns the status of a request that is not to be answered at all, else 0.
+/// Returns the error status if the request must be refused, else 0.
 int refusal(const httplib::Request& request) {
-    // Any port, because a tunnel to another machine has its own.
+    // Any port is accepted, because a tunnel to another machine has its own port.
     static const std::regex local(R"((localhost|127\.0\.0\.1|\[::1\])(:\d{0,5})?)", std::regex::icase);
     if (request.get_header_value_count("Host") != 1) return 400;
     return std::regex_match(request.get_header_value("Host"), local) ? 0 : 421;
 }
 
-/// Answers with a file, or a range of it. Returns the status; an error has no body yet.
+/// Answers with a file, or a range of it. Returns the status. The body of an error is added later.
 int answer_file(const std::optional<fs::path>& file, const std::shared_ptr<void>& held, httplib::Request& request,
                 httplib::Response& response) {
     const auto stream = std::make_shared<std::ifstream>();
     if (file) stream->open(*file, std::ios::binary | std::ios::ate);
-    // The size of what is open: a training may have put another file at its address since.
+    // The size of the open file: a training may have replaced the file at this path since.
     const std::streamoff size = file ? std::streamoff(stream->tellg()) : -1;
     if (size < 0) return 404;
     if (!keep_one_range(request, ssize_t(size))) {
@@ -137,7 +139,7 @@ int answer_file(const std::optional<fs::path>& file, const std::shared_ptr<void>
         return 416;
     }
     response.set_header("Accept-Ranges", "bytes");
-    response.set_header("Cache-Control", "no-store");  // the next export may put another scene at the same address
+    response.set_header("Cache-Control", "no-store");  // the next export may write another scene to the same address
     if (file->extension() == ".ngsplat") response.set_header("Access-Control-Allow-Origin", kPaperViewer);
     if (size == 0) {
         response.set_content("", content_type(*file));
@@ -153,7 +155,7 @@ int answer_file(const std::optional<fs::path>& file, const std::shared_ptr<void>
     return request.ranges.empty() ? 200 : 206;
 }
 
-/// Returns what the handler says to a request, if it is one that a handler may see.
+/// Returns the handler's answer, if the request may be passed to a handler.
 std::optional<WebAnswer> handled(const WebHandler& handler, const httplib::Request& request) {
     const bool has_body = request.has_header("Transfer-Encoding") ||
                           (request.has_header("Content-Length") && request.get_header_value("Content-Length") != "0");
@@ -164,8 +166,8 @@ std::optional<WebAnswer> handled(const WebHandler& handler, const httplib::Reque
     return handler(web);
 }
 
-/// Answers a request by the handler, or for a file in `root`, which must be canonical. Returns the status; an error has
-/// no body yet.
+/// Answers a request by the handler, or with a file in `root`, which must be canonical. Returns the status. The body of
+/// an error is added later.
 int answer(const fs::path& root, const WebHandler& handler, httplib::Request& request, httplib::Response& response) {
     if (const int status = refusal(request)) return status;
     if (const auto web = handled(handler, request)) {
@@ -180,8 +182,8 @@ int answer(const fs::path& root, const WebHandler& handler, httplib::Request& re
     return answer_file(served_file(root, request.path), nullptr, request, response);
 }
 
-/// Gives an error its sentence and ends the connection: a body that was not read would be taken for the next request,
-/// by which a page of another site could get round the check of the host.
+/// Sets the body of an error and ends the connection. Otherwise an unread request body would be parsed as the next
+/// request, and a page of another site could bypass the check of the host.
 void refuse(httplib::Request& request, httplib::Response& response) {
     static const std::map<int, std::string> sentences = {
         {400, "this is no request for a file"},
@@ -218,7 +220,7 @@ FileServer::FileServer(const fs::path& folder, int port, WebHandler handler)
     if (error || !fs::is_directory(root, error))
         throw UsageError(fmt::format("'{}' is not a folder; gsapp export RUN -o DIR makes one", folder.string()));
     httplib::Server& server = implementation_->server;
-    // Replaces the library's own option, with which two servers would share a port.
+    // Replaces the library's own socket options, which would let two servers share a port.
     server.set_socket_options([this](socket_t socket) {
         const int yes = 1;
         ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
@@ -227,16 +229,16 @@ FileServer::FileServer(const fs::path& folder, int port, WebHandler handler)
     server.new_task_queue = [] { return new ThreadForEach; };
     server.set_tcp_nodelay(true);
     server.set_keep_alive_max_count(1000);
-    server.set_keep_alive_timeout(2);  // s; a waiting thread looks at its socket a hundred times a second
-    server.set_write_timeout(30);      // s; a page may be busy with what it has
-    // The library hands its own, changeable request over as const, and answers by the ranges in it.
+    server.set_keep_alive_timeout(2);  // s; a waiting thread polls its socket a hundred times a second
+    server.set_write_timeout(30);      // s; a page may be busy with the data received so far
+    // The library passes its own mutable request as const, and later answers according to its ranges.
     server.set_pre_routing_handler([root, handler](const httplib::Request& request, httplib::Response& response) {
         response.status = answer(root, handler, const_cast<httplib::Request&>(request), response);
         return httplib::Server::HandlerResponse::Handled;
     });
     server.set_error_handler([root, handler](const httplib::Request& constant, httplib::Response& response) {
         auto& request = const_cast<httplib::Request&>(constant);
-        // The library refuses ranges that it cannot read. RFC 9110, 14.2 has them ignored.
+        // The library refuses ranges that it cannot parse. RFC 9110, 14.2 requires to ignore them.
         if (response.status == 416 && !response.has_header("Content-Range")) {
             request.ranges.clear();
             response.status = answer(root, handler, request, response);
@@ -248,7 +250,7 @@ FileServer::FileServer(const fs::path& folder, int port, WebHandler handler)
     if (port_ < 0)
         throw DataError(
             fmt::format("port {} cannot be used; another program may have it. Choose another port with --port", port));
-    ::listen(implementation_->listener, SOMAXCONN);  // the library lets five clients wait to be accepted
+    ::listen(implementation_->listener, SOMAXCONN);  // the library's own backlog is five clients
 }
 
 FileServer::~FileServer() = default;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Encodes and decodes a Gaussian's geometry and base colour, finds the range of base colours that the codes cover, and
-// chooses the order and direction of an ellipsoid's axes.
+// Encodes and decodes a Gaussian's geometry and base colour, finds the range of base colours, and chooses the order and
+// direction of an ellipsoid's axes.
 #include "lib/export/geometry_codes.h"
 
 #include <Eigen/Geometry>
@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kLnSmallest = -12, kLnRange = 21;  // range of standard deviations, natural logarithms
 
-/// Returns the nearest whole number within 0..255.
+/// Rounds to the nearest whole number and clamps to 0..255.
 int byte_code(double x) { return int(std::clamp(std::nearbyint(x), 0.0, 255.0)); }
 
 std::uint32_t word(int a, int b, int c, int d) {
@@ -35,8 +35,8 @@ const double kSide = std::sqrt(1.0 / 3);
 const Vec3<double> kDirections[kNumDirections] = {
     {kSide, kSide, kSide}, {kSide, -kSide, -kSide}, {-kSide, kSide, -kSide}, {-kSide, -kSide, kSide}};
 
-/// Returns a pixel's value for an unoccluded Gaussian on black. A colour above 1 counts as long as its product with the
-/// opacity is below 1.
+/// Returns a pixel's value for an unoccluded Gaussian on black. It is clamped to 1 after the product with the opacity,
+/// so colours above 1 matter.
 double shown(ColorActivation activation, double color, double opacity) {
     return std::min(opacity * color_activation(activation, color), 1.0);
 }
@@ -65,8 +65,8 @@ std::vector<Sample> sample_channels(const Gaussians& g, const Packing& packing, 
     return samples;
 }
 
-/// Axes thinner than this, relative to the longest, count as this thick, because a pixel blurs them. 0.3 measured the
-/// same, 0.01 worse.
+/// The least length of an axis, relative to the longest; thinner axes are treated as this thick, because a pixel blurs
+/// them. In measurements 0.3 was equal, 0.01 worse.
 constexpr double kThinnest = 0.1;
 
 struct Relabelling {
@@ -91,8 +91,8 @@ std::vector<Relabelling> cube_rotations() {
     return all;
 }
 
-/// Returns the squared change of the outline, relative to its axes, when an ellipsoid turns by a few degrees `turn`
-/// (radians about its own axes).
+/// Returns the squared change of the outline, relative to its axes, of an ellipsoid under a rotation of a few degrees,
+/// `turn` (radians about its own axes).
 double visible_change(const Eigen::Vector3d& turn, const std::array<double, 3>& scale) {
     const double longest = *std::max_element(scale.begin(), scale.end());
     const auto thickness = [&](std::size_t k) { return longest > 0 ? std::max(scale[k % 3] / longest, kThinnest) : 1; };

@@ -26,14 +26,14 @@ constexpr char kMagic[8] = {'N', 'G', 'S', 'P', 'L', 'A', 'T', '\n'};
 constexpr char kTrailerMagic[8] = {'G', 'S', 'A', 'P', 'P', 'E', 'X', 'T'};
 constexpr std::uint32_t kTrailerVersion = 1;
 constexpr std::uint32_t kTextureWidth = 2048;
-/// The largest plausible number of cameras and of bytes of JSON.
+/// The largest plausible number of cameras, and of bytes of the JSON trailer.
 constexpr std::uint32_t kMaxCameras = 1 << 20, kMaxTrailer = 1 << 26;
 
 namespace flag {
 constexpr std::uint32_t kAntialiased = 1 << 0, kWithoutConstant = 1 << 1, kFolded = 1 << 2, kExponentialBase = 1 << 5,
                         kPpisp = 1 << 7, kMixed = 1 << 8, kInterleaved = 1 << 9;
 constexpr std::uint32_t kKnown = 0x3ff;
-// The model's number: two bits, and a third that was added later.
+// Returns the bits of the model's number: two bits, and a third bit that was added later.
 constexpr std::uint32_t model_bits(std::uint32_t model) { return (model & 3) << 3 | (model & 4) << 4; }
 constexpr std::uint32_t model_of(std::uint32_t flags) { return (flags >> 3 & 3) | (flags >> 4 & 4); }
 }  // namespace flag

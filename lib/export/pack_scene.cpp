@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packs a trained model and its correction into the scene that a viewer loads.
+// Packs a trained model and its photometric correction into the scene that a viewer loads.
 #include "lib/export/pack_scene.h"
 
 #include <fmt/format.h>
@@ -38,12 +38,12 @@ PackedColorActivation packed_activation_of(ColorActivation activation) {
     return PackedColorActivation::kNone;
 }
 
-/// All activations but the sigmoid add a half; it is stored with the base colour.
+/// Returns the shift stored with the base colour: all activations but the sigmoid add a half.
 double base_shift(ColorActivation activation) { return activation == ColorActivation::kSigmoid ? 0 : 0.5; }
 
-/// Compensates the rounding of scales, whose steps are 8.6 %. The opacity takes back half of the change in area; this
-/// gives the smallest squared error of a single Gaussian's picture. Scales outside the range of the codes are left
-/// alone: they are smaller than any pixel or larger than any view.
+/// Returns the opacity that compensates the rounding of scales, whose steps are 8.6 %. The opacity compensates half of
+/// the change in area, which gives the smallest squared error of a single Gaussian's image. Scales outside the range of
+/// the codes are not compensated: they are smaller than any pixel or larger than any view.
 double compensated_opacity(double opacity, const std::array<double, 3>& scales) {
     std::array<double, 3> rounded;
     std::transform(scales.begin(), scales.end(), rounded.begin(), [](double s) { return decode_scale(scale_code(s)); });
@@ -66,7 +66,8 @@ PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
     return geometry;
 }
 
-/// Returns what orders a Gaussian; docs/lab/viewer.md#pictures-of-a-part has what else was tried.
+/// Returns the importance by which Gaussians are sorted. docs/lab/viewer.md#pictures-of-a-part lists the alternatives
+/// that were tried.
 double importance(const Gaussians& g, const std::vector<float>& scores, std::int64_t i) {
     const double opacity = sigmoid(double(g[Group::kOpacity].param[std::size_t(i)]));
     if (!scores.empty()) return std::sqrt(double(scores[std::size_t(i)]) * opacity);
@@ -75,7 +76,7 @@ double importance(const Gaussians& g, const std::vector<float>& scores, std::int
     return opacity * std::sqrt(mean_area({size(scale[0]), size(scale[1]), size(scale[2])}));
 }
 
-/// Brings the rows [begin, end) into classes of importance.
+/// Sorts the rows [begin, end) into importance classes.
 void order_part(const std::vector<double>& values, std::vector<std::int64_t>& order, std::int64_t begin,
                 std::int64_t end) {
     const auto first = order.begin();

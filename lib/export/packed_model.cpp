@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decodes a packed scene into a model and its colours.
+// Decodes a packed scene into a model, and computes its colours.
 #include "lib/export/packed_model.h"
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 /// The largest logit written: its opacity is 1 in single precision.
 constexpr double kOpaque = 17;
 
-/// Applies the colour activation (docs/math/appearance.md) to a value that already has its shift.
+/// Applies the colour activation (docs/math/appearance.md) to a value that already includes the shift.
 double show(PackedColorActivation kind, double x) {
     switch (kind) {
         case PackedColorActivation::kRelu:

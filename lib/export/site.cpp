@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes and cleans the folder of an exported site.
+// Writes and cleans up the folder of an exported site.
 #include "lib/export/site.h"
 
 #include <fmt/format.h>
@@ -26,7 +26,7 @@ std::vector<fs::path> files_of(const fs::path& folder) {
 }
 
 /// Returns a file name without its hash (eight characters after a hyphen), or an empty string if it has none. A hash is
-/// not all lower case; a word is.
+/// not all lower case, but a word is.
 std::string unversioned(const fs::path& name) {
     constexpr std::size_t kHash = 8;
     const std::string stem = name.stem().string();
@@ -40,7 +40,7 @@ template <class Action> void on_disk(Action&& action) {
     try {
         action();
     } catch (const fs::filesystem_error& e) {
-        const fs::path& path = e.path2().empty() ? e.path1() : e.path2();  // of a rename the target
+        const fs::path& path = e.path2().empty() ? e.path1() : e.path2();  // the target of a rename
         throw DataError(fmt::format("cannot write '{}': {}", path.string(), e.code().message()));
     }
 }
@@ -59,7 +59,7 @@ std::vector<fs::path> Staging::files() const {
 void Staging::publish() {
     on_disk([&] {
         std::vector<fs::path> files = files_of(path());
-        // The page comes last: until then the earlier one still has what it refers to.
+        // The page comes last: until then the earlier page's files still exist.
         std::stable_partition(files.begin(), files.end(), [](const fs::path& file) { return file != "index.html"; });
         std::set<fs::path> folders;
         for (const fs::path& file : files) {
@@ -94,7 +94,7 @@ void remove_earlier_site(const fs::path& folder, const std::vector<fs::path>& wr
             if (std::find(written.begin(), written.end(), name) == written.end() && fs::is_regular_file(path))
                 fs::remove(path);
         };
-        remove(site_file::kDescription);  // first: it names the others
+        remove(site_file::kDescription);  // first, because it names the other files
         remove(site_file::kSecondScene);
         remove(site_file::kPreview);
         for (std::size_t k = 1; fs::exists(folder / site_file::level(k)); ++k) remove(site_file::level(k));

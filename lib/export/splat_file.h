@@ -11,8 +11,9 @@
 namespace gs {
 
 /// Writes position and standard deviations (float), colour and opacity, rotation w x y z (bytes), largest and most
-/// opaque first, atomically. `gaussians` must be of the model none with relu (project_to_sh with degree 0). Throws
-/// DataError when the write fails. `gaussians` are in `frame`; the file has scene coordinates minus file_offset(frame).
+/// opaque first, atomically. `gaussians` must have the appearance model none with relu (project_to_sh with degree 0).
+/// Throws DataError if the write fails. `gaussians` are in `frame`; the file has scene coordinates minus
+/// file_offset(frame).
 void write_splat(const std::filesystem::path& path, const Gaussians& gaussians, const Frame& frame);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds which way is up, and turns Gaussians and cameras.
+// Finds the up direction, and rotates Gaussians and cameras.
 #include "lib/export/turn.h"
 
 #include <fmt/format.h>
@@ -15,24 +15,24 @@
 namespace gs {
 namespace {
 
-/// The mean square by which horizontal axes have to spread over a plane to say what is perpendicular to it: that of
-/// cameras that look 13 degrees to both sides.
+/// The least mean square spread of horizontal axes in a plane that determines the plane's normal: the spread of cameras
+/// that look 13 degrees to both sides.
 constexpr double kLeastSpread = 0.05;
-/// Directions that the fit of a rotation samples; the 15 coefficients need some more than 16.
+/// Number of directions sampled for the fit of a rotation. The 15 coefficients need somewhat more than 16.
 constexpr int kTurnDirections = 64;
 
-/// Photographs lie on their side if the plane of the vertical axes is thinner than that of the horizontal ones by this
-/// factor.
+/// Photographs are assumed to lie on their side if the vertical axes' plane has less than this fraction of the
+/// thickness of the horizontal axes' plane.
 constexpr double kClearly = 0.25;
 
-/// The plane in which directions lie.
+/// The plane that fits a set of directions.
 struct Plane {
     Eigen::Vector3d normal;
-    double thickness = 0;  ///< mean square of what sticks out of it
-    bool known = false;    ///< whether the directions spread over it
+    double thickness = 0;  ///< mean square distance of the directions from the plane
+    bool known = false;    ///< whether the directions determine the plane
 };
 
-/// Returns the plane of a row of the cameras' rotations: 0 has their horizontal axes, 1 the vertical ones.
+/// Returns the plane of one row of the cameras' rotations: row 0 has the horizontal axes, row 1 the vertical axes.
 Plane plane_of(const std::vector<Camera>& cameras, Eigen::Index row) {
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
     for (const Camera& camera : cameras) {
@@ -96,7 +96,7 @@ Eigen::MatrixXd sh_turn(const Eigen::Matrix3d& rotation, int degree) {
     const Eigen::MatrixXd before = sh_basis_matrix(at, degree), after = sh_basis_matrix(turned_at, degree);
     const Eigen::MatrixXd whole = after.completeOrthogonalDecomposition().solve(before);
     Eigen::MatrixXd out = Eigen::MatrixXd::Zero(whole.rows() - 1, whole.cols() - 1);
-    // Bands do not mix; what the fit leaves between them is rounding.
+    // Bands do not mix: any coupling in the fit is rounding error.
     for (int band = 1; band <= degree; ++band) {
         const int first = band * band, size = 2 * band + 1;
         out.block(first - 1, first - 1, size, size) = whole.block(first, first, size, size);
@@ -123,7 +123,7 @@ void turn(Gaussians& g, const Eigen::Matrix3d& rotation) {
         wxyz[0] = float(turned_q.w()), wxyz[1] = float(turned_q.x()), wxyz[2] = float(turned_q.y()),
         wxyz[3] = float(turned_q.z());
         if (degree == 0 || i >= g.num_residuals()) return;
-        // One row a basis function, one column a channel.
+        // One row per basis function, one column per channel.
         Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>> colors(
             residuals.param.data() + i * residuals.width, sh.rows(), 3);
         colors = (sh * colors.cast<double>()).cast<float>().eval();

@@ -32,10 +32,10 @@ bool stores_float(const fs::path& path) {
 }
 
 /// Writes the rows of an image to an open file in strips, which are converted one at a time so that no second image is
-/// held. Float formats keep floats, where EXR holds premultiplied colour by definition (`premultiply`); others hold 8
-/// bits. Returns false if the encoder failed.
+/// in memory. Float formats store floats; EXR stores premultiplied colour by definition (`premultiply`). Other formats
+/// store 8 bits. Returns false if the encoder failed.
 template <class Sample> bool write_rows(OIIO::ImageOutput& output, const Image& image, bool premultiply) {
-    constexpr int kRows = 256;  // a multiple of what the compressions of EXR and TIFF take together
+    constexpr int kRows = 256;  // a multiple of the rows that EXR and TIFF compress together
     constexpr auto kType = std::is_same_v<Sample, float> ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
     const std::size_t row = std::size_t(image.width) * image.channels;
     std::vector<Sample> strip;
@@ -57,8 +57,8 @@ template <class Sample> bool write_rows(OIIO::ImageOutput& output, const Image& 
     return true;
 }
 
-/// Whether OpenImageIO encodes the format into memory, faithfully. It says so of JPEG 2000, too, which then cannot be
-/// read.
+/// Returns whether OpenImageIO correctly encodes the format in memory. The list is explicit, because OpenImageIO also
+/// claims support for JPEG 2000, whose files then cannot be read.
 bool is_encoded_in_memory(const std::string& format) {
     for (const char* name : {"png", "jpeg", "tiff", "openexr", "webp", "bmp"})
         if (format == name) return true;
@@ -67,9 +67,11 @@ bool is_encoded_in_memory(const std::string& format) {
 
 }  // namespace
 
-// In memory, because OpenImageIO does not report that closing a file failed, and a full disk shows only then.
+// Encodes in memory, because OpenImageIO does not report a failure to close a file, and a full disk is only detected on
+// closing.
 std::vector<std::uint8_t> encode(const fs::path& path, const Image& image) {
-    // Only the extension of the name is passed on: OpenImageIO reads arguments out of names with a question mark.
+    // Only the extension of the name is passed on, because OpenImageIO parses arguments from names with a question
+    // mark.
     const std::string name = "image" + path.extension().string();
     const auto output = OIIO::ImageOutput::create(name);
     if (!output) fail(path, fmt::format("cannot be written: {}", reason_from(OIIO::geterror())));
@@ -118,7 +120,7 @@ std::vector<std::uint8_t> encode_upright(const std::filesystem::path& from, cons
         throw DataError(fmt::format("image {}: cannot be turned upright: {}", from.string(), reason));
     };
     OIIO::ImageSpec config;
-    config.attribute("oiio:UnassociatedAlpha", 1);  // else alpha would go through a multiplication and a division
+    config.attribute("oiio:UnassociatedAlpha", 1);  // else colours would be multiplied and divided by alpha
     const auto input = OIIO::ImageInput::open(from.string(), &config);
     if (!input) fail(OIIO::geterror());
     OIIO::ImageSpec spec = input->spec();
@@ -137,7 +139,8 @@ std::vector<std::uint8_t> encode_upright(const std::filesystem::path& from, cons
         spec.attribute("Compression", "jpeg:98");
         spec.attribute("jpeg:subsampling", "4:4:4");
     }
-    // In memory, because OpenImageIO does not report that closing a file failed. Its TIFF writer loses EXIF there.
+    // Encodes in memory, because OpenImageIO does not report a failure to close a file. TIFF is the exception: its
+    // writer loses EXIF in memory.
     const bool in_memory = std::string(output->format_name()) != "tiff";
     std::vector<std::uint8_t> bytes;
     OIIO::Filesystem::IOVecOutput memory(bytes);

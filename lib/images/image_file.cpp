@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Opens and decodes image files with OpenImageIO, and has the one symbol by which the program finds the functions of
-// this module.
+// Opens and decodes image files with OpenImageIO, and defines the only symbol through which the program finds the
+// functions of this module.
 #include "lib/images/image_file.h"
 
 #include <fmt/format.h>
@@ -22,8 +22,8 @@ std::string reason_from(std::string text) {
 
 namespace {
 
-/// Returns the fewest bytes that a TIFF or EXR file of this header can have, 0 if its compression sets no bound and
-/// for the other formats.
+/// Returns the least size in bytes of a TIFF or EXR file with this header. Returns 0 if its compression sets no bound,
+/// and for other formats.
 double least_bytes(const OIIO::ImageSpec& spec, const std::string& format) {
     if (format != "tiff" && format != "openexr") return 0;
     const std::string compression = spec.get_string_attribute("compression", "none");
@@ -37,25 +37,25 @@ double least_bytes(const OIIO::ImageSpec& spec, const std::string& format) {
     if (ratio == 0) return 0;
     const double pixels = double(spec.width) * spec.height;
     if (format == "openexr") return double(spec.image_bytes(true)) / ratio;
-    // Palettes and subsampled colours store fewer values than channels.
+    // Files with a palette or subsampled colours store fewer values than channels.
     const int photometric = spec.get_int_attribute("tiff:PhotometricInterpretation", -1);
     const int channels = photometric >= 0 && photometric <= 2 ? spec.nchannels : 1;
     const int bits = spec.get_int_attribute("oiio:BitsPerSample", int(8 * spec.format.size()));
     return pixels * channels * bits / 8 / ratio;
 }
 
-/// The most rows that a compression of OpenEXR packs together (DWAB).
+/// The largest number of rows that a compression of OpenEXR packs together (DWAB).
 constexpr int kExrRows = 256;
 
-/// Whether a decoder complains that it got no memory, and not of the file.
+/// Returns whether a decoder's message is about lack of memory and not about the file.
 bool lacks_memory(const std::string& complaint) {
     const auto says = [&](const char* words) { return complaint.find(words) != std::string::npos; };
     return says("nsufficient memory") || says("ut of memory") || says("bad_alloc");
 }
 
-/// Whether a decoder that succeeded has lost pixels. OpenImageIO hands out the rows of truncated TIFF and JPEG files as
-/// if they were whole and only keeps the decoder's complaint. Other complaints of the JPEG decoder, as of bytes between
-/// segments, cost no pixel.
+/// Returns whether a decoder that reported success has lost pixels. OpenImageIO returns the rows of truncated TIFF and
+/// JPEG files as if they were complete and only stores the decoder's message. Other messages of the JPEG decoder, e.g.
+/// about bytes between segments, do not mean lost pixels.
 bool is_damage(const std::string& format, const std::string& complaint) {
     if (format == "tiff") return !complaint.empty();
     const auto says = [&](const char* words) { return complaint.find(words) != std::string::npos; };
@@ -71,12 +71,12 @@ ImageFile::ImageFile(const ImageSource& source) : path_(source.path) {
         input_ = OIIO::ImageInput::create(claim.format);
         if (!input_) fail(fmt::format("cannot be decoded: OpenImageIO was built without {}", claim.format));
         OIIO::ImageSpec config, header;
-        config.attribute("oiio:UnassociatedAlpha", 1);  // alpha stays straight where the format stores it that way
+        config.attribute("oiio:UnassociatedAlpha", 1);        // alpha stays straight if the format stores it that way
         const bool takes_file = input_->supports("ioproxy");  // all six formats do from OpenImageIO 2.4 on
         if (takes_file) input_->set_ioproxy(file_.get());
         if (!input_->open(takes_file ? "image" : path_.string(), header, config))
             fail_to_decode(reason_from(input_->geterror()));
-        input_->geterror();  // what was not in order with the metadata is not reported as damage to pixels
+        input_->geterror();  // clears errors about metadata, which are not damage to pixels
     } catch (const std::bad_alloc&) {
         throw;
     } catch (const std::exception& e) {
@@ -89,8 +89,8 @@ ImageFile::ImageFile(const ImageSource& source) : path_(source.path) {
     if (spec.deep || spec.depth > 1) fail("deep and volume images are not photographs");
     if (claim.width == 0) {
         claim.least_bytes = least_bytes(spec, claim.format);
-        // The library and `decode` each have what is decoded together. One strip of a TIFF may hold the whole image,
-        // and so may tiles; without them an EXR has at most kExrRows rows in one piece.
+        // The library and `decode` each hold one jointly decoded part. A TIFF strip may hold the whole image, and so
+        // may tiles. An EXR without tiles has at most kExrRows rows per part.
         const bool in_rows = std::strcmp(claim.format, "openexr") == 0 && spec.tile_width == 0;
         const double part = in_rows ? std::min(1.0, double(kExrRows) / std::max(spec.height, 1)) : 1.0;
         claim.work_bytes = 2.0 * part * double(spec.image_bytes(true));
@@ -115,7 +115,7 @@ template <class T> void ImageFile::decode(const std::function<void(const T*, std
             take(samples.data(), samples.size());
             return;
         }
-        // Whole strips of a TIFF, which are decoded together, and some four million values at least.
+        // Reads whole TIFF strips, which are decoded together, and at least some four million values at a time.
         const std::size_t strip =
             std::size_t(std::clamp(spec.get_int_attribute("tiff:RowsPerStrip", 1), 1, spec.height));
         const std::size_t wanted = std::max<std::size_t>(1, (std::size_t(1) << 22) / row);

@@ -14,7 +14,7 @@
 namespace gs::images {
 namespace {
 
-/// The decoded channels that become rgb and alpha (-1 = none).
+/// The decoded channels used for rgb and alpha (-1 = none).
 struct ChannelPlan {
     int rgb[3] = {0, 1, 2};
     int alpha = -1;
@@ -32,13 +32,13 @@ bool decodes_to_float(const OIIO::ImageSpec& spec) {
     return spec.format.basetype != OIIO::TypeDesc::UINT8 && spec.format.basetype != OIIO::TypeDesc::INT8;
 }
 
-/// Returns 1 also for values that EXIF does not define.
+/// Returns the stored EXIF orientation; 1 for values that EXIF does not define.
 int stored_orientation(const OIIO::ImageSpec& spec) {
     const int orientation = spec.get_int_attribute("Orientation", 1);
     return orientation >= 1 && orientation <= 8 ? orientation : 1;
 }
 
-/// Returns the first of these attributes that the file has with a positive value.
+/// Returns the first of these attributes with a positive value in the file.
 std::optional<double> positive(const OIIO::ImageSpec& spec, std::initializer_list<const char*> names) {
     for (const char* name : names) {
         const double value = spec.get_float_attribute(name, 0);
@@ -47,8 +47,8 @@ std::optional<double> positive(const OIIO::ImageSpec& spec, std::initializer_lis
     return {};
 }
 
-/// Appends decoded pixels to `out` with the planned channels, and undoes premultiplication if the file has it. `one`
-/// is the value of full alpha.
+/// Appends decoded pixels to `out` with the planned channels, and undoes premultiplication if the file is
+/// premultiplied. `one` is the value of full alpha.
 template <class T>
 void append(const T* in, std::size_t count, const OIIO::ImageSpec& spec, const ChannelPlan& plan, float one,
             std::vector<T>& out) {

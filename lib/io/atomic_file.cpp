@@ -36,10 +36,10 @@ class AtomicFile::Buffer : public std::streambuf {
 
     void commit() {
         drain();
-        // Some network file systems cannot sync (EINVAL). The file is kept nevertheless.
+        // Some network file systems cannot sync (EINVAL). The file is still kept.
         if (::fsync(fd_) != 0 && errno != EINVAL && errno != ENOTSUP) fail_to_write("write", target_, errno);
-        // The first of two descriptors reports what closing reports; the second keeps the lock until the rename, so
-        // that no other program takes the file for a leftover.
+        // Closing the first of two descriptors reports write errors. The second descriptor keeps the lock until the
+        // rename, so that no other program removes the file as a leftover.
         const int lock = ::fcntl(fd_, F_DUPFD_CLOEXEC, 0), closed = ::close(fd_);
         fd_ = lock;
         if (closed != 0) fail_to_write("write", target_, errno);
@@ -89,7 +89,7 @@ class AtomicFile::Buffer : public std::streambuf {
             data += written;
             size -= std::size_t(written);
         }
-        // The disk begins now, beside the program, so that fsync has less to wait for. A hint: it may fail.
+        // Starts writing to disk in the background, so that fsync has less to wait for. This is a hint and may fail.
         ::sync_file_range(fd_, 0, 0, SYNC_FILE_RANGE_WRITE);
     }
 

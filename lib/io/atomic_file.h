@@ -10,8 +10,8 @@
 namespace gs {
 
 /// A file under construction. Missing parent folders are created. The target is untouched until `commit`; without
-/// `commit` the destructor removes the temporary file. What a killed program leaves is removed by the next one that
-/// writes into the folder (lib/io/temporary.h).
+/// `commit` the destructor removes the temporary file. Leftovers of a killed program are removed by the next program
+/// that writes into the folder (lib/io/temporary.h).
 /// Errors: every failure (folder not writable, disk full, file too large) throws DataError naming the path and the
 /// system's reason, either from the write that failed or from `commit`.
 class AtomicFile {

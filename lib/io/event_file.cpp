@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Encodes the few messages that TensorBoard needs. Their field numbers are those of TensorFlow's event.proto and
-// summary.proto, the framing that of its record_writer.
+// Encodes the few messages that TensorBoard needs. Field numbers are from TensorFlow's event.proto and summary.proto,
+// and the framing is from its record_writer.
 #include "lib/io/event_file.h"
 
 #include <fcntl.h>
@@ -42,7 +42,7 @@ template <class T> std::string little_endian(T value) {
     return bytes;
 }
 
-/// A protocol buffer under construction. Fields are numbered as in its definition.
+/// A protocol buffer message under construction. Fields are numbered as in its definition.
 class Message {
   public:
     Message& whole(int field, std::uint64_t value) {
@@ -81,7 +81,7 @@ double wall_time() {
 /// Begins an Event: 1 = wall_time, 2 = step.
 Message event(std::int64_t step) { return Message().number(1, wall_time()).whole(2, std::uint64_t(step)); }
 
-/// Rotates the checksum of bytes that may hold checksums themselves.
+/// Returns the masked CRC of TFRecords, which protects checksums of bytes that hold checksums themselves.
 std::uint32_t masked_crc(std::string_view bytes) { return std::rotr(crc32c(bytes), 15) + 0xA282EAD8u; }
 
 std::string host_name() {
@@ -114,7 +114,7 @@ EventFile::EventFile(const fs::path& folder) : folder_(folder) {
     empty_size_ = size_;
 }
 
-/// Opens the file under a name of the second. Where an earlier run took that second, its successor.
+/// Creates the file, named by the current second. If an earlier run has a file of that name, uses the next free second.
 void EventFile::create() {
     for (auto second = std::int64_t(wall_time());; ++second) {
         path_ = folder_ / fmt::format("events.out.tfevents.{:010}.{}.gsapp", second, host_name());
@@ -134,7 +134,7 @@ EventFile::~EventFile() {
     if (size_ > empty_size_) return;
     std::error_code ignored;
     fs::remove(path_, ignored);
-    if (made_folder_) fs::remove(folder_, ignored);  // an empty one alone
+    if (made_folder_) fs::remove(folder_, ignored);  // only if it is empty
 }
 
 void EventFile::add(std::int64_t step, const std::vector<Scalar>& scalars) {
@@ -166,7 +166,7 @@ void EventFile::append(const std::string& data) {
             done += std::size_t(written);
         } else if (errno != EINTR) {
             const int error = errno;
-            if (::ftruncate(fd_, size_) != 0) {  // what follows half a record could not be read
+            if (::ftruncate(fd_, size_) != 0) {  // readers could not read records after a partial one
                 ::close(fd_);
                 fd_ = -1;
             }

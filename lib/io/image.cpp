@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads and writes images by the module for them, makes masks of images, and turns images and files.
+// Reads and writes images through the image module, converts images to masks, and turns images and files upright.
 #include "lib/io/image.h"
 
 #include <fmt/format.h>
@@ -22,16 +22,16 @@ namespace fs = std::filesystem;
         fmt::format("image {}: out of memory while it was read; fewer --threads need less", path.string()));
 }
 
-/// Reads what the file claims, before the module for images is loaded for it.
+/// Reads and checks the file's claim before the image module is loaded for it.
 ImageSource checked_source(const fs::path& path) {
     ImageSource source{path, read_image_claim(path), check_image_claim};
-    // Three bytes a pixel are the least that an image becomes; the number of channels is known when it is opened.
+    // A decoded image has at least three bytes per pixel; the number of channels is known only after opening.
     const double width = double(source.claim.width), height = double(source.claim.height);
     if (width > 0) check_image_claim(path, source.claim, 3.0 * width * height);
     return source;
 }
 
-/// Returns whether the alpha channel tells pixels apart.
+/// Returns whether alpha differs among the pixels.
 bool alpha_varies(const Image& image) {
     if (image.channels != 4) return false;
     for (int y = 0; y < image.height; ++y)
@@ -40,8 +40,7 @@ bool alpha_varies(const Image& image) {
     return false;
 }
 
-/// Returns the factor that makes the largest value of a mask full weight, if the file holds 0 and 1, or 0 to 255 in 16
-/// bits.
+/// Returns the factor that scales a mask to full weight if its file holds 0 and 1, or 0 to 255 in 16 bits; otherwise 1.
 float mask_scale(const Image& image, float largest) {
     const float unit = image.is_float() ? 1 / 65535.0f : 1 / 255.0f, rounding = 0.1f * unit;
     if (std::abs(largest - unit) < rounding) return 1 / unit;
@@ -111,12 +110,12 @@ Image upright(Image image, int orientation) {
 }
 
 void write_upright_copy(const std::filesystem::path& from, const std::filesystem::path& to) {
-    read_image(from);  // throws where pixels are missing, which OpenImageIO hands out as grey rows
+    read_image(from);  // throws if pixels are missing, which OpenImageIO returns as grey rows
     const std::vector<std::uint8_t> bytes = image_module().encode_upright(from, to, read_image_info(from).orientation);
     if (!bytes.empty())
         write_text_atomic(to, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
     else
-        read_image(to);  // throws where it was cut off
+        read_image(to);  // throws if it is truncated
 }
 
 }  // namespace gs

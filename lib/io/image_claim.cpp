@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the headers of image formats just far enough to know what decoding would cost.
+// Reads the headers of image formats just far enough to determine the cost of decoding.
 #include "lib/io/image_claim.h"
 
 #include <fmt/format.h>
@@ -20,26 +20,26 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 
-// A limit of an image, so that a damaged header cannot ask for the whole memory: 2^29 pixels is three times the largest
+// Limits of an image's size, so that a damaged header cannot request all memory. 2^29 pixels is three times the largest
 // photographs in use. 65535 is the largest side that JPEG can hold.
 constexpr std::int64_t kMaxSide = 65535, kMaxPixels = std::int64_t(1) << 29;
 
 // Some formats (WebP, TIFF with CCITT or Zstandard, JPEG with arithmetic coding) have no useful bound: a few bytes may
-// legally stand for any number of equal pixels. A small file therefore gets this much memory for its decoded image and
-// the decoder's work. 512 MiB hold 178 million pixels with three channels of 8 bits, and 76 million of a WebP, whose
-// decoder needs four bytes more for each. Photographs of that size are larger files. The program as a whole then stays
-// below 1 GiB.
+// legally encode any number of equal pixels. A small file may therefore use at most this much memory for its decoded
+// image and the decoder's work. 512 MiB hold 178 million pixels with three channels of 8 bits, and 76 million pixels of
+// a WebP, whose decoder needs four more bytes per pixel. Photographs of that size are larger files. The whole program
+// then stays below 1 GiB.
 constexpr double kSmallFile = 1 << 20, kSmallFileMemory = 512.0 * (1 << 20);
-// Undistorting and resizing need the decoded image several times over, so that inputs of less than 100 KB get less:
-// 192 MiB hold 67 million pixels with three channels of 8 bits.
+// The limits are lower for inputs of less than 100 KB, because undistorting and resizing need several times the memory
+// of the decoded image. 192 MiB hold 67 million pixels with three channels of 8 bits.
 constexpr double kTinyFile = 100 << 10, kTinyFileMemory = 192.0 * (1 << 20);
 
-/// The greatest ratio of deflate: a match of 258 bytes in two bits.
+/// The largest compression ratio of deflate: a match of 258 bytes in two bits.
 constexpr double kDeflateRatio = 1032;
 
 /// Huffman-coded JPEG spends at least one bit on each 8x8 block of each component. The blocks are fewest where one
-/// component is subsampled four times along x and another along y: 8 blocks for 32x32 pixels.
-/// Lossy WebP spends at least three bits on the prediction modes of 16x16 pixels, which is more.
+/// component is subsampled four times along x and another along y: 8 blocks for 32x32 pixels. Lossy WebP spends at
+/// least three bits on the prediction modes of 16x16 pixels, which is more per pixel.
 constexpr double kLossyPixelsPerByte = 1024;
 
 [[noreturn]] void refuse(const fs::path& path, const std::string& reason) {
@@ -58,7 +58,7 @@ std::uint64_t little_endian(const char* p, int bytes) {
     return value;
 }
 
-/// The first bytes of a file. Reading beyond its end throws.
+/// Reads the first bytes of a file. Reading beyond its end throws.
 class Head {
   public:
     explicit Head(const fs::path& path) : path_(path), in_(open_input(path, false)) {}
@@ -73,7 +73,7 @@ class Head {
         }
         return data;
     }
-    /// Returns the characters before the next zero byte, of which OpenEXR takes at most kMaxText.
+    /// Returns the characters up to the next zero byte. OpenEXR accepts at most kMaxText.
     std::string text(std::uint64_t offset) {
         std::string data;
         in_.seekg(std::streamoff(offset));
@@ -116,17 +116,18 @@ ImageClaim png_claim(Head& head) {
     const int channels = color == 2 ? 3 : color == 4 ? 2 : color == 6 ? 4 : 1;
     const double pixels = double(claim.width) * double(claim.height);
     claim.least_bytes = pixels * channels * depth / 8 / kDeflateRatio;
-    // An interlaced image is decoded as a whole, with palettes written out, before its first row is there.
+    // An interlaced image is decoded as a whole, with its palette expanded, before its first row is available.
     const bool interlaced = ihdr[20] != 0;
     if (interlaced) claim.work_bytes = pixels * (color == 3 ? 4 : channels) * (depth > 8 ? 2 : 1);
     return claim;
 }
 
-/// JPEG files with bytes between their segments, or with thousands of segments, leave the size to the decoder.
+/// Returns the claim of a JPEG. For files with bytes between their segments, or with thousands of segments, the decoder
+/// determines the size.
 ImageClaim jpeg_claim(Head& head) {
     ImageClaim claim{"jpeg"};
     constexpr int kMaxSegments = 4096;
-    // Segments: FF, marker, length of two bytes that counts itself. The frame header (SOF) holds the size.
+    // A segment has FF, a marker, and a two-byte length that includes itself. The frame header (SOF) holds the size.
     std::uint64_t at = 2;
     for (int i = 0; i < kMaxSegments; ++i) {
         const std::string segment = head.bytes(at, 4);
@@ -144,7 +145,7 @@ ImageClaim jpeg_claim(Head& head) {
         const double pixels = double(claim.width) * double(claim.height);
         const bool arithmetic = marker > 0xc8, progressive = (marker & 3) == 2;
         if (!arithmetic) claim.least_bytes = pixels / kLossyPixelsPerByte;
-        // The coefficients of a progressive image are collected, 16 bits each, before its first row is there.
+        // All coefficients of a progressive image, 16 bits each, are stored before its first row is available.
         if (progressive) claim.work_bytes = 2 * pixels * static_cast<unsigned char>(sof[4]);
         return claim;
     }
@@ -153,7 +154,7 @@ ImageClaim jpeg_claim(Head& head) {
 
 ImageClaim webp_claim(Head& head) {
     ImageClaim claim{"webp"};
-    constexpr std::uint64_t kData = 20;  // where the first chunk's data begins
+    constexpr std::uint64_t kData = 20;  // offset of the first chunk's data
     const std::string name = head.bytes(12, 4);
     bool animated = false;
     if (name == "VP8X") {
@@ -173,7 +174,7 @@ ImageClaim webp_claim(Head& head) {
     } else {
         head.damaged("the WebP begins with no image");
     }
-    // The frame itself, and two canvases of an animation, four bytes a pixel each.
+    // The frame itself, and for an animation also two canvases, with four bytes per pixel each.
     claim.work_bytes = (animated ? 12.0 : 4.0) * double(claim.width) * double(claim.height);
     return claim;
 }
@@ -197,11 +198,12 @@ ImageClaim bmp_claim(Head& head) {
     if (compression == kRaw || compression == kMasked)
         claim.least_bytes = pixels * double(bits) / 8;
     else
-        claim.work_bytes = pixels;  // run lengths, which may leave out the rest of an image
+        claim.work_bytes = pixels;  // run lengths, which may omit the rest of an image
     return claim;
 }
 
-/// Returns the length of an EXR attribute of a type with a fixed one. OpenEXR reads as much, whatever the file states.
+/// Returns the length of an EXR attribute if its type has a fixed length. OpenEXR reads this many bytes regardless of
+/// the stated length.
 std::optional<std::uint64_t> fixed_length(const std::string& type) {
     static const std::map<std::string, std::uint64_t> lengths = {{"box2f", 16},
                                                                  {"box2i", 16},
@@ -231,10 +233,11 @@ std::optional<std::uint64_t> fixed_length(const std::string& type) {
     return found == lengths.end() ? std::nullopt : std::optional(found->second);
 }
 
-/// Returns where an EXR attribute that lies in [begin, end) ends by its own content: `end`, unless it is damaged.
+/// Returns the end of the EXR attribute in [begin, end) according to its content. It is `end` unless the attribute is
+/// damaged.
 std::uint64_t content_end(Head& head, const std::string& type, std::uint64_t begin, std::uint64_t end) {
     std::uint64_t at = begin;
-    if (type == "chlist") {  // names with 16 bytes each, and an empty name
+    if (type == "chlist") {  // names followed by 16 bytes each, and a final empty name
         for (std::string name; at < end && !(name = head.text(at)).empty();) at += name.size() + 1 + 16;
         return at + 1;
     }
@@ -249,8 +252,8 @@ std::uint64_t content_end(Head& head, const std::string& type, std::uint64_t beg
     return begin + fixed_length(type).value_or(end - begin);
 }
 
-/// Checks the lengths of the attributes, for which OpenEXR makes room before it reads them: each is a name, a type, a
-/// length of four bytes and that many bytes. The pixels' size is left to the decoder.
+/// Checks the lengths of the attributes, for which OpenEXR allocates memory before it reads them. Each attribute has a
+/// name, a type, a four-byte length and that many bytes. The decoder determines the image's size.
 ImageClaim exr_claim(Head& head) {
     constexpr int kMaxAttributes = 4096;
     const bool several_parts = (little_endian(head.bytes(4, 4).data(), 4) & 0x1000) != 0;
@@ -258,7 +261,7 @@ ImageClaim exr_claim(Head& head) {
     for (int i = 0; i < kMaxAttributes; ++i) {
         const std::string name = head.text(at);
         at += name.size() + 1;
-        if (name.empty()) {  // the end of a header; that of several is another one
+        if (name.empty()) {  // the end of a header; several headers end with one more empty name
             if (!several_parts || head.bytes(at, 1)[0] == '\0') return {"openexr"};
             continue;
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loads the module for images.
+// Loads the image module.
 #include "lib/io/image_module.h"
 
 #include <dlfcn.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compiled without tables for unwinding, so that no exception of a library's initialisation finds a handler above it.
-// Some libraries start threads there and wait for ever when they are unwound; and dlopen would not give back its locks.
+// Compiled without unwind tables, so that an exception in a library's initialisation finds no handler above it. Some
+// libraries start threads there and would wait forever during unwinding, and dlopen would not release its locks.
 #include "lib/io/library_symbol.h"
 
 #include <dlfcn.h>

@@ -27,7 +27,7 @@ static_assert(std::endian::native == std::endian::little, "little-endian rows ar
 
 struct TypeName {
     const char* name;
-    const char* alias;  ///< the sized spelling that some writers use
+    const char* alias;  ///< sized type name that some writers use
     int bytes;
 };
 constexpr std::array<TypeName, 8> kTypes = {{{"char", "int8", 1},
@@ -39,8 +39,8 @@ constexpr std::array<TypeName, 8> kTypes = {{{"char", "int8", 1},
                                              {"float", "float32", 4},
                                              {"double", "float64", 8}}};
 
-/// The upper limits of a header: characters per line, properties, lines. Real files have below 200 characters per line
-/// and properties.
+/// Upper limits of a header: characters per line, properties, lines. Real files have fewer than 200 characters per line
+/// and fewer than 200 properties.
 constexpr std::size_t kMaxLine = 4096, kMaxProperties = 4096, kMaxLines = 16384;
 
 constexpr std::int64_t kChunkBytes = 1 << 22;
@@ -87,8 +87,8 @@ double load(const char* p, PlyType type) {
     return 0;
 }
 
-/// Reads a number independently of the locale; returns nothing for what is none. "1.#QNAN" and "1.#INF" of older
-/// Windows programs are not finite.
+/// Parses a number independently of the locale. Returns nothing if the text is not a number. "1.#QNAN" and "1.#INF" of
+/// older Windows programs are read as non-finite numbers.
 std::optional<double> parse_number(std::string_view text) {
     if (text.find('#') != std::string_view::npos) return std::numeric_limits<double>::quiet_NaN();
     if (text.starts_with('+')) text.remove_prefix(1);
@@ -99,7 +99,7 @@ std::optional<double> parse_number(std::string_view text) {
     return value;
 }
 
-/// Takes the first word off `text`; an empty one at the end.
+/// Removes and returns the first word of `text`, or returns an empty word at its end.
 std::string_view take_word(std::string_view& text) {
     text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
     const std::string_view word = text.substr(0, text.find_first_of(kBlanks));
@@ -159,7 +159,7 @@ std::string PlyReader::header_line() {
 void PlyReader::parse_header() {
     if (header_line() != "ply") fail("the first line is not 'ply'");
     bool have_format = false, have_vertex = false;
-    Element* element = nullptr;  // whose properties are read; none for those that are never read
+    Element* element = nullptr;  // element whose properties are parsed; null for elements that are never read
     bool in_shared = false, more = false;
     for (std::size_t lines = 0;; ++lines) {
         if (lines > kMaxLines) fail("the header has too many lines");
@@ -237,7 +237,7 @@ void PlyReader::parse_property(const std::string& line, Element& element) {
 std::int64_t PlyReader::least_row_bytes(const Element& element) const {
     std::int64_t bytes = 0;
     for (const Property& p : element.properties)
-        // In text every number has a digit and a separator, in an empty list the length.
+        // In text every number has at least a digit and a separator; in an empty list this number is the length.
         bytes += format_ == Format::kText ? 2 : bytes_of(p.count_type.value_or(*p.type));
     return bytes;
 }
@@ -246,7 +246,7 @@ std::int64_t PlyReader::remaining() { return file_bytes_ - std::int64_t(in_.tell
 
 void PlyReader::check_fits(const Element& element) {
     const std::int64_t each = least_row_bytes(element), bytes = remaining();
-    // A text file may end without the last separator.
+    // A text file may end without a final separator.
     if (each > 0 && element.count > (bytes + (format_ == Format::kText)) / each)
         fail(fmt::format("'element {} {}' needs {} bytes each, but only {} bytes are left: truncated file",
                          element.name, element.count, each, bytes));

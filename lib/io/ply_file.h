@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the vertices of PLY files in any of the three formats, and writes the header of binary little-endian ones.
+// Reads the vertices of PLY files in any of the three formats, and writes the header of binary little-endian PLY files.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +24,7 @@ struct PlyHeader {
     std::vector<std::string> comments;  ///< without the word "comment"
     std::int64_t count = 0;             ///< number of vertices
     std::vector<PlyProperty> properties;
-    /// The number of floats in the element `shared` after the vertices; 0 = there is no such element
+    /// Number of floats in the element `shared` after the vertices; 0 = no such element
     std::int64_t num_shared = 0;
 };
 
@@ -32,11 +32,11 @@ struct PlyHeader {
 /// floats.
 void write_ply_header(std::ostream& out, const PlyHeader& header);
 
-/// Reads the vertices of a PLY in chunks, so that memory does not grow with the file: text and both byte orders, scalar
-/// properties of any type. List properties and other elements (faces, cameras) are skipped, before the vertices and
-/// after them; the element `shared` is read only directly after the vertices. Trailing bytes are ignored.
+/// Reads the vertices of a PLY in chunks, so that memory does not grow with the file. Supports text and both byte
+/// orders, and scalar properties of any type. List properties and other elements (faces, cameras), before or after the
+/// vertices, are skipped; the element `shared` is read only directly after the vertices. Trailing bytes are ignored.
 /// Errors: DataError naming file and property for a header that is not PLY, for duplicate names, and for a file shorter
-/// than its header promises (checked before anything is allocated); `next_chunk` throws one for a row that is no row of
+/// than its header declares (checked before any allocation). `next_chunk` throws one for a row that does not consist of
 /// numbers.
 class PlyReader {
   public:
@@ -45,10 +45,10 @@ class PlyReader {
     const PlyHeader& header() const { return header_; }
     /// Returns the index of the property, or -1.
     int find(const std::string& name) const;
-    /// Returns the index of the property. Throws DataError naming file and property when it is missing.
+    /// Returns the index of the property. Throws DataError naming file and property if it is missing.
     int require(const std::string& name) const;
 
-    /// Reads the next rows into the buffer. Returns their number, 0 at the end.
+    /// Reads the next rows into the buffer. Returns the number of rows, 0 at the end.
     std::int64_t next_chunk();
     /// Returns the values of the element `shared`. Call it after the last chunk.
     std::vector<float> read_shared();
@@ -61,8 +61,8 @@ class PlyReader {
   private:
     enum class Format { kText, kLittleEndian, kBigEndian };
     struct Property {
-        std::optional<PlyType> type;        ///< of the value, or of a list's values
-        std::optional<PlyType> count_type;  ///< of the length of a list; empty for a scalar
+        std::optional<PlyType> type;        ///< type of the value, or of a list's values
+        std::optional<PlyType> count_type;  ///< type of a list's length; empty for a scalar
     };
     struct Element {
         std::string name;
@@ -74,7 +74,7 @@ class PlyReader {
     void parse_header();
     void parse_property(const std::string& line, Element& element);
     std::int64_t remaining();
-    /// Returns the fewest bytes that a row can have.
+    /// Returns the smallest possible size of a row in bytes.
     std::int64_t least_row_bytes(const Element& element) const;
     void check_fits(const Element& element);
     void skip(const Element& element);
@@ -93,7 +93,7 @@ class PlyReader {
     std::vector<Element> before_;  ///< the elements before the vertices
     Element vertices_;
     PlyHeader header_;
-    /// Whether chunk_ holds the rows as the file does (but little endian); otherwise values_ holds them.
+    /// Whether chunk_ holds the rows in the file's layout (but little endian); otherwise values_ holds them.
     bool packed_ = true;
     std::vector<std::int64_t> offsets_;  ///< byte offset of each property in a packed row
     std::int64_t row_bytes_ = 0, rows_read_ = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Resizes images: area-exact box filter when shrinking, bilinear when enlarging, one axis after the other.
+// Resizes images: area-exact box filter when shrinking, bilinear when enlarging, one axis at a time.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace gs {
 namespace {
 
-/// The filter of one axis: for every output index the first input index and the weights (sum 1) of the inputs from
+/// The filter of one axis: for every output index, the first input index and the weights (sum 1) of the inputs from
 /// there on.
 struct AxisFilter {
     std::vector<int> first;
@@ -104,8 +104,8 @@ Image resize_image(const Image& in, int width, int height) {
 
     const AxisFilter across = make_axis_filter(in.width, width), down = make_axis_filter(in.height, height);
     std::vector<float> scratch(std::size_t(in.width) * in.channels), sums(std::size_t(width) * in.channels);
-    // Input rows are needed in order, and at most the last two are needed twice. So two filtered rows replace a whole
-    // float image.
+    // Input rows are needed in order, and at most the last two are needed twice. So two filtered rows suffice instead
+    // of a whole float image.
     std::array<std::vector<float>, 2> rows{std::vector<float>(sums.size()), std::vector<float>(sums.size())};
     std::array<int, 2> row_index{-1, -1};
     for (int y = 0; y < height; ++y) {

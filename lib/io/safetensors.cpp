@@ -26,10 +26,11 @@ static_assert(std::endian::native == std::endian::little, "safetensors data is l
 constexpr std::array<const char*, 4> kDtypeNames = {"F32", "F64", "I64", "U8"};
 constexpr std::array<std::uint64_t, 4> kDtypeBytes = {4, 8, 8, 1};
 
-/// The format's own limit. It also keeps absurd inputs from the JSON parser.
+/// The format's own limit. It also protects the JSON parser from absurd inputs.
 constexpr std::uint64_t kMaxHeaderBytes = 100'000'000;
 
-/// Computes the bytes of a tensor. Returns false when a size is negative or the product does not fit 64 bits.
+/// Computes the size of a tensor in bytes. Returns false if a dimension is negative or the product does not fit in 64
+/// bits.
 bool tensor_bytes(Dtype dtype, const std::vector<std::int64_t>& shape, std::uint64_t& bytes) {
     bytes = kDtypeBytes[std::size_t(dtype)];
     for (const std::int64_t n : shape) {
@@ -43,8 +44,8 @@ bool tensor_bytes(Dtype dtype, const std::vector<std::int64_t>& shape, std::uint
 void write_safetensors(const std::filesystem::path& path, std::span<const TensorView> tensors,
                        const std::map<std::string, std::string>& metadata) {
     nlohmann::ordered_json header = nlohmann::ordered_json::object();
-    // Option texts may hold any byte that a path can hold. The readers of other programs refuse a header with escapes
-    // of single bytes, so here they are replaced.
+    // Option texts may hold any byte that a path can hold. Readers of other programs reject a header with escapes of
+    // single bytes, so such bytes are replaced here.
     for (const auto& [key, value] : metadata) header["__metadata__"][key] = printable(value);
     std::uint64_t offset = 0;
     std::vector<std::uint64_t> sizes;
@@ -60,7 +61,7 @@ void write_safetensors(const std::filesystem::path& path, std::span<const Tensor
         sizes.push_back(bytes);
     }
     std::string text = json_text(header);
-    text.resize((text.size() + 7) / 8 * 8, ' ');  // aligned, so that readers can map the file
+    text.resize((text.size() + 7) / 8 * 8, ' ');  // aligned to 8 bytes, so that readers can map the file
 
     AtomicFile file(path);
     const std::uint64_t length = text.size();
@@ -153,7 +154,7 @@ void SafetensorsFile::parse_header(const std::string& text) {
 void SafetensorsFile::check_coverage(std::uint64_t data_bytes) const {
     std::vector<const std::pair<const std::string, Tensor>*> order;
     for (const auto& entry : tensors_) order.push_back(&entry);
-    // Empty tensors begin where a neighbour begins, and they come first.
+    // An empty tensor begins at the same offset as its neighbour and comes first.
     std::sort(order.begin(), order.end(), [](auto* a, auto* b) {
         return std::pair(a->second.begin, a->second.bytes) < std::pair(b->second.begin, b->second.bytes);
     });

@@ -29,8 +29,8 @@ struct TensorView {
     const void* data = nullptr;
 };
 
-/// Writes all tensors atomically, in the given order and without copying them. Throws DataError when the write fails or
-/// a shape is impossible.
+/// Writes all tensors atomically, in the given order and without copying them. Throws DataError if the write fails or a
+/// shape is impossible.
 void write_safetensors(const std::filesystem::path& path, std::span<const TensorView> tensors,
                        const std::map<std::string, std::string>& metadata);
 

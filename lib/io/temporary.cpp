@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Implements temporary files with flock, which works in containers that share folders but not process numbers.
+// Implements temporary files with flock, which works across containers that share folders but not process ids.
 #include "lib/io/temporary.h"
 
 #include <fcntl.h>
@@ -30,7 +30,7 @@ fs::path temporary_name(const fs::path& target) {
     return target.parent_path() / fmt::format(".{}.{}-{}.tmp", target.filename().string(), ::getpid(), counter++);
 }
 
-/// Whether the name has exactly the form that `temporary_name` makes.
+/// Returns whether the name has exactly the form of `temporary_name`.
 bool is_temporary_name(std::string_view name) {
     constexpr std::string_view kEnd = ".tmp";
     if (!name.starts_with('.') || !name.ends_with(kEnd)) return false;
@@ -50,8 +50,8 @@ int lock(int fd, int operation) {
     return result;
 }
 
-/// Takes the writer's lock. Returns false if `remove_leftovers` of another program was faster and removed the file
-/// between its creation and this call. Without a lock, on file systems that have none, nobody can remove it.
+/// Takes the writer's lock. Returns false if `remove_leftovers` of another program removed the file between its
+/// creation and this call. On file systems without locks returns true, because no program can remove the file there.
 bool hold(int fd) {
     if (lock(fd, LOCK_EX) != 0) return true;
     struct stat status {};
@@ -62,7 +62,7 @@ void remove_leftover(const fs::path& path) {
     std::error_code ignored;
     const fs::file_status status = fs::symlink_status(path, ignored);
     if (!fs::is_regular_file(status) && !fs::is_directory(status)) return;
-    const int flags = fs::is_directory(status) ? O_RDONLY | O_DIRECTORY : O_RDWR;  // NFS locks only what may be written
+    const int flags = fs::is_directory(status) ? O_RDONLY | O_DIRECTORY : O_RDWR;  // NFS locks need write access
     const int fd = ::open(path.c_str(), flags | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0) return;
     struct stat owner {};
@@ -71,7 +71,7 @@ void remove_leftover(const fs::path& path) {
     ::close(fd);
 }
 
-/// Prepares the folder of a temporary: creates it, and once a program removes its leftovers.
+/// Prepares the folder of a temporary file: creates it and, once per program run, removes its leftovers.
 void prepare_folder(const fs::path& target) {
     static std::mutex mutex;
     static std::set<std::string> cleaned;
@@ -136,7 +136,7 @@ void remove_leftovers(const fs::path& folder) {
 void sync_folder(const fs::path& folder, const fs::path& target) {
     const int fd = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0) {
-        if (errno == EACCES) return;  // one may write into a folder that one may not list
+        if (errno == EACCES) return;  // a folder may be writable but not listable
         fail_to_write("write the folder of", target, errno);
     }
     const int error = ::fsync(fd) == 0 ? 0 : errno;

@@ -50,8 +50,8 @@ bool is_fisheye(CameraModel model) {
     }
 }
 
-/// True for models whose distortion is a polynomial map of the (possibly equidistant) image plane, inverted by Newton's
-/// method.
+/// Returns true for models whose distortion is a polynomial map of the (possibly equidistant) image plane. Newton's
+/// method inverts it.
 bool is_polynomial(CameraModel model) {
     switch (model) {
         case M::kSimpleRadial:
@@ -71,7 +71,8 @@ template <class T> T power_series(const double* k, int count, const T& s) {
     return sum;
 }
 
-/// Distorts a point of the image plane by COLMAP's polynomial models; for double and for automatic differentiation.
+/// Distorts a point of the image plane by COLMAP's polynomial models. T is double or a type for automatic
+/// differentiation.
 template <class T> Eigen::Matrix<T, 2, 1> distort_plane(const LensCamera& lens, const T& x, const T& y) {
     const std::array<double, 12>& d = lens.distortion;
     const T s = x * x + y * y;
@@ -140,8 +141,8 @@ PlaneMap distort_with_jacobian(const LensCamera& lens, const Vector2d& x) {
     return map;
 }
 
-/// Solves distort_plane(x) = target. Steps are limited so that strong distortion cannot throw the iterate past the
-/// fold.
+/// Solves distort_plane(x) = target. The step length is limited, so that strong distortion cannot move the iterate past
+/// the fold.
 std::optional<Vector2d> invert_plane(const LensCamera& lens, const Vector2d& target) {
     // COLMAP stops at a squared step of 1e-10. Convergence is quadratic, so a few more digits cost one step and make
     // the round trip exact to 1e-9 px.
@@ -204,7 +205,7 @@ std::optional<Vector2d> distort(const LensCamera& lens, const Vector2d& uv) {
     }
 }
 
-/// The inverse of `distort`.
+/// Inverts `distort`.
 std::optional<Vector2d> undistort(const LensCamera& lens, const Vector2d& xy) {
     const double r2 = xy.squaredNorm();
     if (is_polynomial(lens.model)) {
@@ -226,7 +227,7 @@ std::optional<Vector2d> undistort(const LensCamera& lens, const Vector2d& xy) {
         case M::kSimpleDivision:
         case M::kDivision: {
             const double scale = 1 + d[0] * r2;
-            // Beyond |k| r^2 = 1 the projection's square root has left the branch that starts at the centre.
+            // Beyond |k| r^2 = 1 the square root of the projection is on another branch than at the centre.
             if (!(scale > 0) || d[0] * r2 > 1) return {};
             return Vector2d(xy / scale);
         }

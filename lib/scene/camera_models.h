@@ -35,8 +35,8 @@ enum class CameraModel : int {
 struct CameraModelInfo {
     CameraModel id;
     std::string_view name;
-    int num_focal;       ///< 1: f,cx,cy; 2: fx,fy,cx,cy; 0: equirectangular, whose only parameters are w,h
-    int num_distortion;  ///< parameters after the principal point
+    int num_focal;       ///< 1: f,cx,cy; 2: fx,fy,cx,cy; 0: equirectangular, with only w,h
+    int num_distortion;  ///< number of parameters after the principal point
     int num_params() const { return num_focal == 0 ? 2 : num_focal + 2 + num_distortion; }
 };
 
@@ -52,27 +52,29 @@ struct LensCamera {
     CameraModel model = CameraModel::kPinhole;
     int width = 0, height = 0;
     double fx = 0, fy = 0, cx = 0, cy = 0;
-    std::array<double, 12> distortion{};  ///< in COLMAP's order, unused entries 0
+    std::array<double, 12> distortion{};  ///< coefficients in COLMAP's order; unused entries are 0
 
     bool operator==(const LensCamera&) const = default;
 };
 
-/// Makes a camera from `params` in COLMAP's order, camera_model_info(model).num_params() of them. Does not check them.
+/// Makes a camera from `params` in COLMAP's order, camera_model_info(model).num_params() of them. Does not check the
+/// values.
 LensCamera make_lens_camera(CameraModel model, int width, int height, std::span<const double> params);
 
-/// Returns the lens for an image of another size. Focal lengths and principal point scale per axis; distortion stays.
+/// Returns the lens for an image of another size. Focal lengths and principal point scale per axis; distortion is
+/// unchanged.
 LensCamera scaled_to(const LensCamera& lens, int width, int height);
 
-/// Returns true when the lens maps straight lines to straight lines, so that no undistortion is needed.
+/// Returns true if the lens maps straight lines to straight lines, so that no undistortion is needed.
 bool is_pinhole(const LensCamera& lens);
 
-/// Returns the pixel of a point in camera space (OpenCV axes). Returns nothing behind the camera (except
-/// equirectangular), outside the model's domain, and where the distortion has folded over (non-positive Jacobian),
-/// which is no part of a real image.
+/// Returns the pixel onto which a point in camera space (OpenCV axes) projects. Returns nothing if the point is behind
+/// the camera (except for equirectangular), outside the model's domain, or in the range where the distortion folds over
+/// (non-positive Jacobian), which is not part of a real image.
 std::optional<Eigen::Vector2d> project(const LensCamera& lens, const Eigen::Vector3d& point);
 
 /// Returns the direction in camera space through a pixel: z = 1, or unit length for the equirectangular model. Returns
-/// nothing if no ray in front of the camera belongs to the pixel, or Newton's method does not converge.
+/// nothing if no ray in front of the camera belongs to the pixel, or if Newton's method does not converge.
 std::optional<Eigen::Vector3d> unproject(const LensCamera& lens, const Eigen::Vector2d& pixel);
 
 }  // namespace gs

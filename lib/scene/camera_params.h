@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Converts a scene's camera to the form that the kernels take, and says what it has of a point.
+// Converts a scene's camera to the kernels' parameters, and classifies the visibility of a point.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,14 +22,15 @@ template <class T = float> CameraParams<T> camera_params(const Camera& c) {
     return p;
 }
 
-/// What a camera has of a point, from worst to best.
+/// Visibility of a point in a camera, from worst to best.
 enum class Seen {
     kNot,      ///< outside the image or behind the camera
-    kClipped,  ///< in the image, but before the near or behind the far plane
+    kClipped,  ///< in the image, but nearer than the near plane or beyond the far plane
     kDrawn,
 };
 
-/// Returns what the rasterizer makes of a Gaussian's centre at `point`, in the camera's units.
+/// Returns the visibility, for the rasterizer, of a Gaussian centred at `point`, in the world coordinates of the
+/// camera.
 inline Seen seen(const Camera& camera, const Eigen::Vector3d& point) {
     const CameraParams<double> planes{};
     const Eigen::Vector3d p = camera.rotation * point + camera.translation;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the binary form of a COLMAP model (little endian, packed).
+// Reads COLMAP models in binary format (little endian, packed).
 #include <fmt/format.h>
 
 #include <bit>
@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Reads values one after the other; errors name the position in the file.
+/// Reads consecutive values; errors name the position in the file.
 class Cursor {
   public:
     explicit Cursor(const fs::path& file) : file_(file), data_(read_input(file)) {}
@@ -49,7 +49,7 @@ class Cursor {
         return name;
     }
 
-    /// Reads a number of records of at least `record_bytes` each. Throws DataError if they do not fit into the rest of
+    /// Reads the count of records of at least `record_bytes` each. Throws DataError if they do not fit into the rest of
     /// the file.
     std::uint64_t read_count(const char* field, std::size_t record_bytes) {
         const std::size_t at = position_;
@@ -91,7 +91,7 @@ void read_cameras(const fs::path& file, ModelBuilder& builder) {
             const std::string reason = fmt::format(
                 "{}: camera {}: model_id is {}; known are 0 to {} (is the file damaged or from a newer COLMAP?)",
                 file.string(), id, model_id, camera_models().size() - 1);
-            // How many parameters follow is unknown, and so is where the next camera begins.
+            // The number of parameters is unknown, and so is the beginning of the next camera.
             if (count > 1) throw DataError(reason);
             builder.add_unusable_camera(file, id, reason);
             return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks that the readers of binary and text COLMAP files share.
+// Checks shared by the readers of binary and text COLMAP files.
 #pragma once
 
 #include <array>
@@ -13,15 +13,16 @@
 
 namespace gs::colmap {
 
-/// Adds cameras, images and points to a model and checks each. Counts what is left out and notes it in `finish`.
+/// Adds cameras, images and points to a model and checks each. Counts the skipped items and adds notes about them in
+/// `finish`.
 class ModelBuilder {
   public:
     explicit ModelBuilder(ColmapModel& model) : model_(model) {}
 
     void add_camera(const std::filesystem::path& file, std::uint32_t id, CameraModel model, std::uint64_t width,
                     std::uint64_t height, std::span<const double> params);
-    /// Keeps in mind why the camera `id` cannot be used. Its images are left out; a camera without images does not
-    /// matter. Throws DataError, starting with the file, if the id appears twice.
+    /// Records why the camera `id` cannot be used. Its images are left out; an unusable camera without images is
+    /// ignored. Throws DataError, starting with the file, if the id appears twice.
     void add_unusable_camera(const std::filesystem::path& file, std::uint32_t id, std::string reason);
     /// `pose` is qw qx qy qz tx ty tz of cam_from_world.
     void add_image(const std::filesystem::path& file, std::uint32_t id, const std::array<double, 7>& pose,
@@ -29,17 +30,17 @@ class ModelBuilder {
     /// `rgb` is in 0..255.
     void add_point(const std::filesystem::path& file, std::uint64_t id, const Eigen::Vector3d& position,
                    const Eigen::Vector3d& rgb);
-    /// Takes the colours of all points for values in [0,1] instead of 0..255.
+    /// Interprets the colours of all points as values in [0,1] instead of 0..255.
     void set_unit_colors();
     void note(const std::string& line) { model_.notes.push_back(line); }
-    /// Throws DataError with the first reason if something was left out and no image remains.
+    /// Adds the notes. Throws DataError with the first reason if images were left out and none remains.
     void finish();
 
   private:
     void require_new_camera(const std::filesystem::path& file, std::uint32_t id) const;
 
     ColmapModel& model_;
-    std::unordered_map<std::uint32_t, std::string> unusable_cameras_;  ///< id and reason
+    std::unordered_map<std::uint32_t, std::string> unusable_cameras_;  ///< reason by camera id
     std::string first_unusable_camera_;
     std::unordered_set<std::uint32_t> image_ids_;
     std::unordered_set<std::uint64_t> point_ids_;
@@ -51,7 +52,7 @@ class ModelBuilder {
 void read_binary(const std::filesystem::path& folder, ModelBuilder& builder);
 /// Reads cameras.txt and images.txt. Throws DataError.
 void read_text(const std::filesystem::path& folder, ModelBuilder& builder);
-/// Reads a points3D.bin or points3D.txt, as the extension says. Throws DataError.
+/// Reads a points3D.bin or points3D.txt, depending on the extension. Throws DataError.
 void read_points(const std::filesystem::path& file, ModelBuilder& builder);
 /// Reads a points3D.bin. Throws DataError.
 void read_binary_points(const std::filesystem::path& file, ModelBuilder& builder);

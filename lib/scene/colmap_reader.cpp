@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds COLMAP models and checks the data of their files.
+// Finds COLMAP models and checks the data in their files.
 #include "lib/scene/colmap_reader.h"
 
 #include <fmt/format.h>
@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 namespace colmap {
 
-// Larger than any camera's image; a larger value means a damaged file.
+// Larger than the image side of any camera, pixels. A larger value means a damaged file.
 constexpr std::uint64_t kMaxSide = 1 << 20;
 
 void ModelBuilder::add_camera(const fs::path& file, std::uint32_t id, CameraModel model, std::uint64_t width,
@@ -73,7 +73,7 @@ void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::
     Eigen::Quaterniond q(pose[0], pose[1], pose[2], pose[3]);
     const Eigen::Vector3d t(pose[4], pose[5], pose[6]);
     const double norm = q.coeffs().stableNorm();
-    // A zero quaternion has no rotation either.
+    // A zero quaternion is not a rotation either.
     if (!std::isfinite(norm) || norm < 1e-12 || !t.allFinite()) {
         if (skipped_images_++ == 0) first_skipped_image_ = name;
         return;
@@ -90,7 +90,7 @@ void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen
                              const Eigen::Vector3d& rgb) {
     if (!point_ids_.insert(id).second)
         throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
-    // The check is in float because a finite double may overflow there.
+    // The check is in float, because a finite double may overflow in float.
     if (!position.cast<float>().allFinite()) {
         ++skipped_points_;
         return;
@@ -133,7 +133,7 @@ bool has_text(const fs::path& folder) {
     return path_exists(folder / "cameras.txt") && path_exists(folder / "images.txt");
 }
 
-/// Returns the number of images that a model claims; only used to choose between models.
+/// Returns the number of images declared by a model. It is only used to choose between models.
 std::uint64_t count_images(const fs::path& folder) {
     if (is_binary_colmap_model(folder)) {
         std::uint64_t count = 0;
@@ -145,7 +145,7 @@ std::uint64_t count_images(const fs::path& folder) {
     return colmap::count_text_images(folder / "images.txt");
 }
 
-/// Says that the binary form of a model is read, if there is a text beside it that is another model or newer.
+/// Adds a note that the model's binary files are read, if text files beside them hold another model or are newer.
 void note_both_forms(const fs::path& folder, std::vector<std::string>& notes) {
     if (!has_text(folder)) return;
     std::error_code ignored;
@@ -153,7 +153,7 @@ void note_both_forms(const fs::path& folder, std::vector<std::string>& notes) {
     const bool newer = std::max(written("cameras.txt"), written("images.txt")) >
                        std::max(written("cameras.bin"), written("images.bin"));
     const std::uint64_t binary = count_images(folder);
-    std::string text = "?";  // what cannot be read is no error, because it is not used
+    std::string text = "?";  // unreadable text files are no error, because they are not used
     if (input_fault(folder / "images.txt").empty())
         text = std::to_string(colmap::count_text_images(folder / "images.txt"));
     if (newer || text != std::to_string(binary))
@@ -167,7 +167,7 @@ void note_both_forms(const fs::path& folder, std::vector<std::string>& notes) {
 
 fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& notes) {
     std::vector<std::pair<std::uint64_t, fs::path>> candidates;
-    std::vector<std::string> faults;  // of entries that cannot be searched
+    std::vector<std::string> faults;  // messages about entries that cannot be searched
     const auto holds_model = [&](const fs::path& folder) {
         try {
             return folder_exists(folder) && (is_binary_colmap_model(folder) || has_text(folder));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads COLMAP models (binary and text) into plain structs and checks everything that the files say.
+// Reads COLMAP models (binary and text) into plain structs and checks all their values.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,31 +26,31 @@ struct ColmapModel {
     std::map<std::uint32_t, LensCamera> cameras;
     std::vector<ColmapImage> images;  ///< every camera_id is in `cameras`
     SourcePoints points;
-    std::vector<std::string> notes;  ///< one line for each kind of skipped data
+    std::vector<std::string> notes;  ///< one line per kind of skipped data
 };
 
-/// Finds the model folder inside a scene: the sub-folder of `sparse` with most images (reported in `notes` when there
-/// are several), else `sparse`, else the scene folder itself. Returns an empty path if none of them holds cameras and
-/// images. Throws nothing.
+/// Finds the model folder inside a scene: the sub-folder of `sparse` with the most images (reported in `notes` if there
+/// are several), else `sparse`, else the scene folder itself. Returns an empty path if none of these folders holds
+/// cameras and images. Throws nothing.
 std::filesystem::path find_colmap_model(const std::filesystem::path& scene, std::vector<std::string>& notes);
 
-/// Returns whether the folder holds cameras.bin and images.bin, which are then read instead of text. Throws DataError
-/// if the system cannot tell.
+/// Returns whether the folder holds cameras.bin and images.bin, which are then read instead of the text files. Throws
+/// DataError if the file system cannot be queried.
 bool is_binary_colmap_model(const std::filesystem::path& folder);
 
-/// Returns the file of COLMAP's points in a folder: points3D.bin or points3D.txt, that in the form of the folder's
-/// model if there are both; an empty path if there is none.
+/// Returns the file of COLMAP's points in a folder: points3D.bin or points3D.txt. If both exist, returns the one in the
+/// format (binary or text) of the folder's model; if neither exists, an empty path.
 std::filesystem::path colmap_point_file(const std::filesystem::path& folder);
 
-/// Reads a points3D.bin or points3D.txt. Notes and errors are those of `read_colmap_model`.
+/// Reads a points3D.bin or points3D.txt. Notes and errors are as in `read_colmap_model`.
 SourcePoints read_colmap_points(const std::filesystem::path& file, std::vector<std::string>& notes);
 
 /// Reads cameras, images and points3D from `folder`: the binary files if both cameras.bin and images.bin exist, else
-/// text; points in the other form if there are none in this one. Non-finite poses and points are skipped and noted; so
-/// are trailing bytes. A missing points3D file means no points. Throws DataError naming file, field and value for
-/// truncated files, counts that the file size does not allow (checked before allocating), unknown camera models,
-/// invalid intrinsics, duplicate ids and images without a camera. Takes memory of at most a small multiple of the file
-/// sizes.
+/// the text files. If the chosen format has no points file, reads points in the other format. Skips and notes
+/// non-finite poses, non-finite points and trailing bytes. A missing points3D file means no points. Throws DataError
+/// naming file, field and value for truncated files, counts that the file size does not allow (checked before
+/// allocating), unknown camera models, invalid intrinsics, duplicate ids and images without a camera. Memory use is at
+/// most a small multiple of the file sizes.
 ColmapModel read_colmap_model(const std::filesystem::path& folder);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the text form of a COLMAP model.
+// Reads COLMAP models in text format.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,7 +26,7 @@ bool is_comment(std::string_view line) {
     return begin != std::string_view::npos && line[begin] == '#';
 }
 
-/// Returns the number that a field is, independently of the locale.
+/// Parses a field as a number, independently of the locale. Returns nothing if it is not a number.
 template <class T> std::optional<T> parse_number(std::string_view text) {
     if (text.starts_with('+')) text.remove_prefix(1);
     T value{};
@@ -35,7 +35,7 @@ template <class T> std::optional<T> parse_number(std::string_view text) {
     return value;
 }
 
-/// Walks through the lines of a text file.
+/// Iterates over the lines of a text file.
 class Lines {
   public:
     explicit Lines(const fs::path& file) : file_(file), data_(read_input_text(file)) {}
@@ -58,7 +58,7 @@ class Lines {
         return false;
     }
 
-    /// Makes the line that was read last the next one again.
+    /// Puts the last line back, so that it is read again.
     void put_back() { position_ = last_, --number_; }
 
     const fs::path& file() const { return file_; }
@@ -138,11 +138,11 @@ void read_text_cameras(const fs::path& file, ModelBuilder& builder) {
     }
 }
 
-/// The kinds of lines in images.txt, told apart by their fields.
+/// The kinds of lines in images.txt, distinguished by their fields.
 enum class ImageLine { kImage, kPoints, kOther };
 
-/// Tells images from their 2D points, which are triples of numbers. An image has an id, seven numbers, the id of its
-/// camera and a name.
+/// Distinguishes image lines from lines of 2D points, which are triples of numbers. An image line has an id, seven
+/// numbers, the id of its camera and a name.
 ImageLine kind_of(std::string_view line) {
     constexpr std::size_t kCameraId = 8, kName = 9;
     std::size_t count = 0;
@@ -162,7 +162,7 @@ ImageLine kind_of(std::string_view line) {
     return numbers ? ImageLine::kPoints : ImageLine::kOther;
 }
 
-/// Passes over the 2D points of an image. Their line is empty if there are none, and some programs leave it out.
+/// Skips the line of an image's 2D points. The line is empty if there are no points, and some programs omit it.
 void skip_points2d(Lines& lines) {
     std::string_view line;
     do

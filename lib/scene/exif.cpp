@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads exposure settings from image files and turns them into stops.
+// Reads exposure settings from image files and converts them to stops.
 #include "lib/scene/exif.h"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The exposure of a photograph, from its file's metadata.
+// Reads the exposure of photographs from their files' metadata.
 #pragma once
 
 #include <filesystem>
@@ -10,12 +10,13 @@
 
 namespace gs {
 
-/// Reads the settings from the header only. They are all empty for a file that cannot be opened or has no metadata.
+/// Reads the exposure settings from the file's header only. All are empty if the file cannot be opened or has no
+/// metadata.
 ExifSettings read_exif_settings(const std::filesystem::path& path);
 
-/// Returns log2(seconds * ISO/100 / f-number^2) of each image, in stops: one more is twice the light. A setting that no
-/// image has is taken as equal in all of them and left out. An image that lacks a setting which others have gets no
-/// value.
+/// Returns log2(seconds * ISO/100 / f-number^2) of each image, in stops: one stop more is twice the light. A setting
+/// that no image has is assumed equal for all images and left out. An image gets no value if it lacks a setting that
+/// others have.
 std::vector<std::optional<double>> exposure_stops(const std::vector<ExifSettings>& images);
 
 }  // namespace gs

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Solves for the point nearest to all optical axes, chooses frames, and moves cameras between a scene and its frame.
+// Computes the point nearest to all optical axes, chooses frames, and converts cameras between scene and frame
+// coordinates.
 #include "lib/scene/frame.h"
 
 #include <fmt/format.h>
@@ -13,20 +14,23 @@
 namespace gs {
 namespace {
 
-/// The size of scenes of COLMAP (4.2 to 5.6) and NeRF-synthetic (4.6 to 4.8), for which the defaults were found.
+/// The typical size of scenes from COLMAP (4.2 to 5.6) and NeRF-synthetic (4.6 to 4.8), for which the defaults were
+/// tuned.
 constexpr double kUsualSize = 4.75;
-/// The share of the cameras that give the size: one wrong pose must not shrink the others' scene below the near plane.
+/// The fraction of the cameras that determines the size, so that a wrong pose does not shrink the scene below the near
+/// plane.
 constexpr double kShare = 0.9;
-/// Sizes that differ from the usual one by at most this factor keep their scale: there it changes PSNR by about 0.1 dB
-/// (docs/stability.md).
+/// Scenes keep their scale if their size differs from the usual size by at most this factor. In this range the scale
+/// changes PSNR by about 0.1 dB (docs/stability.md).
 constexpr double kUsualRange = 1.25;
-/// Cameras nearly in one place say little about the size. A fiftieth of the distance to the points is their least size.
+/// Cameras nearly in one place determine the size poorly. The size is then at least this fraction (1/50) of the
+/// distance to the points.
 constexpr double kPointDistancePerSize = 50;
-/// Beyond this many sizes from the origin floats lose more than a millionth of a size.
+/// Beyond this distance from the origin, in sizes, the spacing of floats exceeds a millionth of a size.
 constexpr double kFarFromOrigin = 16;
-/// Scales of scenes of any unit lie between this and its inverse.
+/// The scale of a scene in any unit lies between this value and its inverse.
 constexpr double kSmallestScale = 1e-30;
-/// Beyond this distance, in units of the frame, files keep an offset: a float's steps are 2.4e-4 units there.
+/// Beyond this distance, in frame units, files store an offset: the spacing of floats is 2.4e-4 frame units there.
 constexpr double kFileRange = 2048;
 
 bool is_finite(const Eigen::Vector3d& p) { return p.allFinite() && p.cwiseAbs().maxCoeff() < 1e150; }
@@ -36,7 +40,7 @@ std::vector<Eigen::Vector3d> finite_only(std::vector<Eigen::Vector3d> points) {
     return points;
 }
 
-/// Returns the distance from `from` that a share of the points does not exceed, 0 without points.
+/// Returns the quantile `share` of the points' distances from `from`, or 0 without points.
 double distance_quantile(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& from, double share) {
     if (points.empty()) return 0;
     std::vector<double> distances;
@@ -46,7 +50,7 @@ double distance_quantile(const std::vector<Eigen::Vector3d>& points, const Eigen
     return *at;
 }
 
-/// Returns the mean of the points that are not farther from `from` than `distance`.
+/// Returns the mean of the points within `distance` of `from`.
 Eigen::Vector3d mean_within(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& from, double distance) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     double count = 0;
@@ -66,7 +70,7 @@ Eigen::Vector3d common_target(const std::vector<View>& views) {
         const Eigen::Matrix3d off_axis =
             Eigen::Matrix3d::Identity() - axis * axis.transpose() + 1e-6 * Eigen::Matrix3d::Identity();
         a += off_axis;
-        b += off_axis * (view.camera.center() - mean);  // relative, so that map coordinates lose nothing
+        b += off_axis * (view.camera.center() - mean);  // relative, so that map coordinates lose no precision
     }
     return mean + Eigen::Vector3d(a.ldlt().solve(b));
 }
@@ -85,13 +89,13 @@ Frame choose_frame(const std::vector<Eigen::Vector3d>& camera_centers, const std
                           mean = mean_within(cameras, all, distance_quantile(cameras, all, kShare));
     const double size = std::max(1.1 * distance_quantile(cameras, mean, kShare),
                                  distance_quantile(finite_only(points), mean, 0.5) / kPointDistancePerSize);
-    // Cameras in one place differ by the rounding of their coordinates, which is no size.
+    // Cameras in one place differ only by the rounding of their coordinates, which is not a size.
     if (!(size > 1e-13 * mean.norm())) return frame;
     if (const double scale = kUsualSize / size; !(scale >= kSmallestScale && scale <= 1 / kSmallestScale)) return frame;
     if (!(size <= kUsualSize * kUsualRange && size >= kUsualSize / kUsualRange)) frame.scale = kUsualSize / size;
     if (mean.norm() > kFarFromOrigin * size) {
-        // A multiple of a power of two near the size is short in files, and adding a scene's coordinates to it rounds
-        // little.
+        // Rounds the centre to multiples of a power of two near the size: such numbers are short in files, and sums
+        // with scene coordinates have little rounding error.
         const double step = std::exp2(std::floor(std::log2(size)));
         frame.center = (mean / step).array().round() * step;
     }

@@ -17,7 +17,7 @@ ImageCache::ImageCache(const std::vector<View>& views, std::size_t budget_bytes,
     : views_(views), budget_bytes_(budget_bytes), entries_(views.size()) {
     try {
         for (int i = 0; i < prefetch_threads; ++i) threads_.emplace_back([this] { work(); });
-    } catch (...) {  // those that were started end first
+    } catch (...) {  // first end the threads that were started
         stop();
         throw;
     }
@@ -39,8 +39,8 @@ std::shared_ptr<const ViewImage> ImageCache::get(std::size_t index) {
     Entry& entry = entries_.at(index);
     if (entry.state == State::kReady) return take(index);
     const double start = seconds_now();
-    // Between the image's arrival and our waking up, another thread may take it and, with a small budget, drop it. Then
-    // decode here.
+    // Before this thread wakes up, another thread may take the image and, with a small budget, drop it. Then decode
+    // here.
     while (entry.state != State::kReady && entry.state != State::kFailed) {
         if (entry.state == State::kLoading)
             loaded_.wait(lock);
@@ -59,7 +59,7 @@ void ImageCache::prefetch(std::size_t index) {
     {
         const std::lock_guard lock(mutex_);
         Entry& entry = entries_.at(index);
-        if (entry.state == State::kReady) entry.pinned = true;  // keeps it until it is used
+        if (entry.state == State::kReady) entry.pinned = true;  // keeps the image until it is used
         if (entry.state != State::kAbsent) return;
         entry.state = State::kQueued;
         entry.pinned = true;
@@ -90,7 +90,7 @@ void ImageCache::work() {
         if (stop_) return;
         const std::size_t index = queue_.front();
         queue_.pop_front();
-        // `get` may have overtaken the queue.
+        // A `get` may already have decoded the queued view.
         if (entries_[index].state == State::kQueued) load(index, lock);
     }
 }
@@ -112,7 +112,7 @@ void ImageCache::load(std::size_t index, std::unique_lock<std::mutex>& lock) {
     entry.error = error;
     entry.state = error ? State::kFailed : State::kReady;
     if (image) {
-        // Pinned until somebody takes it, also when `get` itself decodes; evict() must not drop it before.
+        // Pinned until a `get` takes it, even if `get` itself decodes: evict() must not drop it before.
         entry.pinned = true;
         resident_bytes_ += bytes_of(*image);
         entry.image = std::move(image);

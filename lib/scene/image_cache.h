@@ -16,9 +16,9 @@
 
 namespace gs {
 
-/// Decodes each view once and keeps it while all kept images fit the budget. The least recently used ones are dropped
-/// and read again when asked for. Prefetched images wait for their `get` even beyond the budget, so the excess is at
-/// most the images in flight (prefetched or being decoded). All members may be called from any thread.
+/// Cache of decoded views that keeps images while their total fits the budget. The least recently used images are
+/// dropped and decoded again when requested. Prefetched images stay until their `get` even beyond the budget, so the
+/// excess is at most the images in flight (prefetched or being decoded). All members may be called from any thread.
 class ImageCache {
   public:
     /// `views` must outlive the cache. A budget of 0 keeps nothing. With no prefetch threads `prefetch` does nothing.
@@ -28,16 +28,16 @@ class ImageCache {
     ImageCache(const ImageCache&) = delete;
     ImageCache& operator=(const ImageCache&) = delete;
 
-    /// Returns the decoded view, shared with the cache. Decodes on the calling thread if no other thread does so
-    /// already. Throws the error of View::load, also if it happened in a prefetch; the next `get` tries again.
+    /// Returns the decoded view, shared with the cache. Decodes on the calling thread unless another thread is already
+    /// decoding it. Throws the error of View::load, even if it occurred in a prefetch; the next `get` tries again.
     std::shared_ptr<const ViewImage> get(std::size_t index);
 
     /// Queues a decode unless the view is decoded, queued, or being decoded.
     void prefetch(std::size_t index);
 
-    double wait_seconds() const;         ///< total time in which `get` decoded or waited
-    std::size_t resident_bytes() const;  ///< bytes of all images the cache holds now
-    std::uint64_t num_decodes() const;   ///< calls of View::load so far
+    double wait_seconds() const;         ///< total time that `get` spent decoding or waiting
+    std::size_t resident_bytes() const;  ///< bytes of all images now in the cache
+    std::uint64_t num_decodes() const;   ///< number of calls of View::load so far
 
   private:
     enum class State { kAbsent, kQueued, kLoading, kReady, kFailed };

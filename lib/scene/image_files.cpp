@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the image files that datasets name, in folders where names and extensions may differ a little.
+// Finds the image files that datasets name, even if names and extensions in the folder differ slightly.
 #include "lib/scene/image_files.h"
 
 #include <fmt/format.h>
@@ -25,13 +25,13 @@ std::string with_slashes(std::string name) {
     return name;
 }
 
-/// Returns whether a name with '/' begins at a root: "/data/a.jpg", "C:/a.jpg", "~/a.jpg".
+/// Returns whether a name with '/' is absolute: "/data/a.jpg", "C:/a.jpg", "~/a.jpg".
 bool is_absolute(const std::string& name) {
     const bool drive = name.size() > 2 && std::isalpha(static_cast<unsigned char>(name[0])) && name[1] == ':';
     return name.starts_with('/') || name.starts_with("~/") || (drive && name[2] == '/');
 }
 
-/// Returns the parts of a path without those that only lead elsewhere (".", "..", the root).
+/// Returns the components of a path, without ".", ".." and the root.
 std::vector<std::string> parts_of(const std::string& name) {
     std::vector<std::string> parts;
     for (const fs::path& part : fs::path(name).lexically_normal())
@@ -43,23 +43,23 @@ std::string without_image_extension(const std::string& name) {
     return has_image_extension(name) || is_unread_photograph(name) ? without_extension(name) : name;
 }
 
-/// How much a candidate differs from a name; less is better.
+/// The difference of a candidate from a name, compared member by member; less is better.
 struct Difference {
-    int parts = 0;      ///< minus the number of parts at the end that agree
-    int folders = 0;    ///< 1 = one of both has more of them in front
-    int extension = 0;  ///< 0 = same last part, 1 = another extension, 2 = an extension more or less
-    int letters = 0;    ///< 1 = upper and lower case differ
+    int parts = 0;      ///< minus the number of equal components at the end
+    int folders = 0;    ///< 1 = one of the two has more folders in front
+    int extension = 0;  ///< 0 = same last component, 1 = another extension, 2 = one has an additional extension
+    int letters = 0;    ///< 1 = case differs
     auto operator<=>(const Difference&) const = default;
 };
 
-/// Returns the number of parts in front of the last that agree, counted from the end.
+/// Returns the number of equal components directly before the last one.
 std::size_t common_folders(const std::vector<std::string>& a, const std::vector<std::string>& b) {
     std::size_t n = 0;
     while (n + 1 < std::min(a.size(), b.size()) && a[a.size() - 2 - n] == b[b.size() - 2 - n]) ++n;
     return n;
 }
 
-/// Returns the kind of difference between two last parts (Difference::extension); nothing if they are other names.
+/// Returns the kind of difference between two last components (Difference::extension), or nothing if the names differ.
 std::optional<int> compare_last(const std::string& a, const std::string& b) {
     if (a == b) return 0;
     const std::string stem_a = without_image_extension(a), stem_b = without_image_extension(b);
@@ -71,7 +71,7 @@ bool is_sibling(const std::vector<std::string>& a, const std::vector<std::string
     return a.size() == b.size() && common_folders(a, b) + 1 == a.size();
 }
 
-/// Counts pairs of name and file, and keeps the first.
+/// Counts pairs of name and file, and stores the first pair.
 struct Tally {
     std::size_t count = 0;
     std::string first;
@@ -80,7 +80,8 @@ struct Tally {
     }
 };
 
-/// Returns the file that a name means without being looked for, with '/' and relative to the folder if it was.
+/// Returns the name of the file with exactly this name, or this name plus an image extension, with '/'. The result is
+/// relative to the folder if the name was.
 std::optional<std::string> exact_name(const fs::path& folder, const std::string& name, OutsideNames outside) {
     for (const std::string& spelled : {name, with_slashes(name)}) {
         const std::string normal = fs::path(spelled).lexically_normal().generic_string();
@@ -142,9 +143,9 @@ std::string without_extension(const std::string& name) {
 
 ImageFolder::ImageFolder(const fs::path& folder) : folder_(folder) {
     if (!folder_exists(folder)) return;
-    list_folder(folder);  // throws for a folder that may not be opened; those below are passed over
+    list_folder(folder);  // throws if the folder cannot be opened; unreadable sub-folders are skipped
     std::set<fs::path> listed;
-    // Links come last, so that a folder is listed under its own name and not under that of a link to it.
+    // Links come last, so that a folder is listed under its own name and not under the name of a link to it.
     std::deque<fs::path> folders{folder}, links;
     while (!folders.empty() || !links.empty()) {
         std::deque<fs::path>& queue = folders.empty() ? links : folders;
@@ -242,7 +243,7 @@ std::optional<NameIndex::Match> NameIndex::find(const std::string& name, bool& a
                                           compare_last(want.parts.back(), entry.parts.back()) == extension;
                 const Difference difference{-int(agree), whole && all_of_it ? 0 : 1, *extension, same_letters ? 0 : 1};
                 if (least && (difference > *least || (difference == *least && entry.index == best->index))) continue;
-                // Files that differ only in their extension are one photograph in several formats: the first serves.
+                // Files that differ only in their extension are one photograph in several formats: use the first.
                 if (least == difference && *extension > 0 && is_sibling(entry.folded, best->folded)) continue;
                 several = least == difference;
                 least = difference;
@@ -260,7 +261,7 @@ std::optional<NameIndex::Match> NameIndex::find(const std::string& name, bool& a
 
 FoundImages find_images(const fs::path& folder, const std::vector<std::string>& names, OutsideNames outside) {
     FoundImages out;
-    std::map<std::string, std::set<std::string>> claims;  // names by file
+    std::map<std::string, std::set<std::string>> claims;  // names of each file
     std::vector<std::size_t> missing;
     for (std::size_t i = 0; i < names.size(); ++i) {
         const std::optional<std::string> exact = exact_name(folder, names[i], outside);
@@ -271,7 +272,8 @@ FoundImages find_images(const fs::path& folder, const std::vector<std::string>& 
             missing.push_back(i);
     }
     std::map<std::size_t, NameIndex::Match> matches;
-    // In the folder that usually holds the images first: others may hold files of equal names, as masks have.
+    // Searches the folder that usually holds the images first: other folders, such as mask folders, may hold files of
+    // equal names.
     for (const char* part : {"images", ""}) {
         if (missing.empty()) break;
         const std::string prefix = *part ? std::string(part) + "/" : "";

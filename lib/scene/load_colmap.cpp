@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Returns the names of the pre-scaled folders that there are, the one with the largest images first.
+/// Returns the names of the existing pre-scaled folders, the one with the largest images first.
 std::vector<std::string> scaled_folders(const fs::path& scene, const std::string& images) {
     std::vector<std::string> names;
     for (const int divisor : {2, 4, 8})
@@ -26,9 +26,9 @@ std::vector<std::string> scaled_folders(const fs::path& scene, const std::string
     return names;
 }
 
-/// Chooses the folder to read images from: for a divisor the pre-scaled images_N if there is one. Where there is no
-/// folder of full-size images, the pre-scaled one with the largest takes its place, unless a divisor of the full size
-/// is asked for. Throws DataError if there is no such folder.
+/// Chooses the image folder: for a divisor, the pre-scaled images_N if it exists. If there is no folder of full-size
+/// images, the pre-scaled folder with the largest images takes its place, unless a divisor of the full size is
+/// requested. Throws DataError if there is no such folder.
 fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options, SourceScene& out) {
     const bool divisor = options.resolution == 2 || options.resolution == 4 || options.resolution == 8;
     if (divisor) {
@@ -53,8 +53,8 @@ fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options,
     return scene / scaled[0];
 }
 
-/// Pairs names of the full-size folder with files of a pre-scaled one by sorted order, because some publishers renumber
-/// the files. Masks beside the photographs do not count.
+/// Pairs names of the full-size folder with files of a pre-scaled folder by sorted order, because some publishers
+/// renumber the files. Masks beside the photographs are ignored.
 class SortedPairs {
   public:
     SortedPairs(const ImageFolder& full, const ImageFolder& scaled)
@@ -77,7 +77,7 @@ class SortedPairs {
     fs::path folder_;
 };
 
-/// Reads the points of the model folder, else those of the folders above it up to the scene's.
+/// Reads the points from the model folder, or else from its parent folders up to the scene's folder.
 void read_points(const fs::path& scene, ColmapModel& model, SourceScene& out) {
     std::vector<PointFile> files;
     const auto add = [&](std::vector<PointFile> found) { files.insert(files.end(), found.begin(), found.end()); };
@@ -134,7 +134,7 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
             continue;
         }
         preflight.choose_turn(view);
-        // A pre-scaled folder differs in size from the camera by design, so no difference is reported.
+        // Images of a pre-scaled folder differ in size from the camera by design, so no difference is reported.
         if (out.prescaled > 1)
             view.lens = scaled_to(view.lens, view.info.width, view.info.height);
         else

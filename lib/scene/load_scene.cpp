@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recognises a dataset, reads it, splits it and builds its views.
+// Recognises the type of a dataset, reads it, splits it and builds its views.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -33,7 +33,7 @@ void check_options(const SceneOptions& options) {
         throw UsageError(fmt::format("test_every is {}; must be at least 0", options.test_every));
 }
 
-/// Throws DataError if a COLMAP model has one of its two necessary files: it was meant to be read.
+/// Throws DataError if a COLMAP model has only one of its two required files: the user meant it to be read.
 void require_whole_model(const fs::path& source) {
     for (const fs::path& folder : {source / "sparse" / "0", source / "sparse", source})
         for (const char* form : {".bin", ".txt"}) {
@@ -65,8 +65,8 @@ SourceScene read_source(const fs::path& source, const SceneOptions& options) {
         source.string()));
 }
 
-/// Marks the views whose names a list file holds, one per line. A name that is none finds the only view that it can
-/// mean, as image names find their files. Throws DataError for an unreadable file or an unknown name.
+/// Marks the views named in a list file, one per line. A name that is no view's exact name matches approximately, by
+/// the rules of find_images, if the match is unique. Throws DataError for an unreadable file or an unknown name.
 std::vector<bool> read_test_list(const std::string& path, const std::vector<SourceView>& views) {
     if (const std::string fault = input_fault(path); !fault.empty())
         throw DataError(fmt::format("test list {}: cannot be read: {}", path, fault));
@@ -92,8 +92,8 @@ std::vector<bool> read_test_list(const std::string& path, const std::vector<Sour
     return test;
 }
 
-/// Decides which views train, test, or do neither, and describes the rule in words in `rule`. Throws DataError if a
-/// split that the dataset states leaves no view to train.
+/// Assigns each view to training, test or neither, and describes the rule in `rule`. Throws DataError if the dataset's
+/// own split leaves no training view.
 std::vector<ViewRole> choose_roles(const SourceScene& scene, const SceneOptions& options, std::string& rule) {
     std::vector<ViewRole> roles;
     for (const SourceView& view : scene.views) roles.push_back(view.role);
@@ -133,7 +133,7 @@ std::vector<ViewRole> choose_roles(const SourceScene& scene, const SceneOptions&
 }
 
 /// Removes the views that are left out or cannot be read. With `scores` throws DataError if a test view cannot be read:
-/// scores of the others would not compare with those of the whole set.
+/// scores of the other views would not be comparable with scores of the whole set.
 void remove_unused(SourceScene& scene, std::vector<ViewRole>& roles, bool scores) {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < scene.views.size(); ++i) {
@@ -156,7 +156,7 @@ void remove_unused(SourceScene& scene, std::vector<ViewRole>& roles, bool scores
 
 Eigen::Vector3d camera_center(const SourceView& view) { return -view.rotation.transpose() * view.translation; }
 
-/// Returns where the cameras stand, but for those that the dataset leaves out.
+/// Returns the camera centres of all views that the dataset does not leave out.
 std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views) {
     std::vector<Eigen::Vector3d> centers;
     for (const SourceView& view : views)
@@ -164,10 +164,10 @@ std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views
     return centers;
 }
 
-/// Finds the pinhole camera that replaces each lens. Leaves out the views whose lens has none and throws DataError if
-/// no other is left.
+/// Finds the pinhole camera that replaces each lens. Leaves out the views whose lens has no such camera, and throws
+/// DataError if no view remains.
 void replace_lenses(SourceScene& scene) {
-    LensCamera lens;  // most scenes have one, whose borders are traced only once
+    LensCamera lens;  // most scenes have one lens, whose borders are traced only once
     Camera pinhole;
     std::string fault, first;
     std::size_t usable = 0;
@@ -194,10 +194,10 @@ void replace_lenses(SourceScene& scene) {
         fmt::format("{} images are left out because their camera cannot be used (first: {})", unusable, first));
 }
 
-/// Names cameras that stand so far outside of the others that their poses must be wrong.
+/// Adds a note about cameras that are so far from the others that their poses must be wrong.
 void note_far_cameras(const std::vector<SourceView>& views, std::vector<std::string>& notes) {
     // The farthest camera is at 1.1 to 2.8 median distances in captures of objects, rooms and buildings, and at 2 on a
-    // straight line. Where more than a tenth are far away, they are a second place and no errors.
+    // straight line. If more than a tenth of the cameras are far away, they are a second place and not errors.
     constexpr double kFar = 6, kFewest = 5, kMostShare = 0.1;
     if (double(views.size()) < kFewest) return;
     std::vector<Eigen::Vector3d> centers;
@@ -230,8 +230,8 @@ void note_far_cameras(const std::vector<SourceView>& views, std::vector<std::str
 void number_cameras(Scene& scene) {
     std::map<int, int> index;
     for (const View& view : scene.train) index.emplace(view.camera_id, 0);
-    // With a camera for every photograph, the photographs were calibrated one by one; this does not make them different
-    // devices.
+    // If every photograph has its own camera, the photographs were calibrated one by one. They still come from one
+    // device.
     const bool one_by_one = index.size() > 1 && index.size() == scene.train.size();
     scene.num_cameras = one_by_one ? 1 : int(index.size());
     int next = 0;
@@ -244,7 +244,7 @@ void number_cameras(Scene& scene) {
     }
 }
 
-/// Sets the EXIF exposures. `roles` tells for each source view whether it became the next view of scene.test or of
+/// Sets the EXIF exposures. `roles` gives for each source view whether it became the next view of scene.test or of
 /// scene.train.
 void add_exposures(const std::vector<SourceView>& sources, const std::vector<ViewRole>& roles, Scene& scene) {
     std::vector<ExifSettings> settings;
@@ -263,8 +263,8 @@ void add_exposures(const std::vector<SourceView>& sources, const std::vector<Vie
             without, sources.size()));
 }
 
-/// Names the masks that were found, because they change what is learned without anyone having asked for them, and says
-/// which images have none and which masks have another shape than their image.
+/// Adds a line about the masks found, because they change the training without having been requested. Adds notes about
+/// images without a mask, and about masks whose shape differs from their image's.
 void describe_masks(const SourceScene& source, Scene& scene) {
     const std::size_t images = source.views.size();
     std::size_t masks = 0;
@@ -276,14 +276,15 @@ void describe_masks(const SourceScene& source, Scene& scene) {
         if (!first) first = &view;
         try {
             const ImageInfo mask = read_image_info(view.mask->path);
-            // Smaller copies of masks and images are rounded, and some lie on their side as the image was stored.
+            // The sizes of smaller copies of masks and images are rounded. Some masks lie on their side, like the
+            // stored image.
             const double width = double(view.info.width) / mask.width, height = double(view.info.height) / mask.height;
             const bool turned = view.turn != 1 || view.info.orientation != 1;
             if (std::abs(std::log(width / height)) > 0.05 && !turned)
                 stretched.push_back(fmt::format("{} is {}x{}, {} {}x{}", view.mask->path.string(), mask.width,
                                                 mask.height, view.name, view.info.width, view.info.height));
         } catch (const DataError&) {
-            // Decoding the view says it.
+            // Decoding the view reports the error.
         }
     }
     if (!first) return;
@@ -296,7 +297,7 @@ void describe_masks(const SourceScene& source, Scene& scene) {
                                           stretched.size(), listed(stretched)));
 }
 
-/// Returns the largest distance of a camera from the cameras' mean; 0 if only rounding tells them apart.
+/// Returns the largest distance of a camera from the cameras' mean, or 0 if the cameras differ only by rounding.
 double camera_radius(const std::vector<View>& views) {
     const Eigen::Vector3d mean = mean_camera_center(views);
     double radius = 0;
@@ -304,14 +305,14 @@ double camera_radius(const std::vector<View>& views) {
     return radius > 1e-6 / 1.1 ? radius : 0;
 }
 
-/// Sets the cube in which a NeRF-synthetic scene is initialised, in scene units. Blender scenes of this set fill a cube
-/// of half side 1.5 around the origin, and cameras look at it from a distance of 4.03
-/// (docs/math/optimization.md#first-gaussians). A scene of this layout in other units or in another place has its cube
-/// where its cameras look.
+/// Sets the cube in which a NeRF-synthetic scene is initialised, in scene units. The Blender scenes of this dataset
+/// fill a cube of half side 1.5 around the origin, and their cameras are at a distance of 4.03 from it
+/// (docs/math/optimization.md#first-gaussians). For a scene of this layout with other units or another origin, the cube
+/// is scaled and placed at the point that the cameras look at.
 void place_cube(Scene& scene) {
     constexpr double kHalfSide = 1.5, kDistance = 4.0311;
     scene.random_init_half_extent = kHalfSide;
-    // Axes that are nearly parallel meet nowhere.
+    // Nearly parallel axes have no common point.
     if (!(mean_axis(scene.train).norm() < 0.99)) return;
     const Eigen::Vector3d target = common_target(scene.train);
     double distance = 0, ahead = 0;
@@ -320,14 +321,14 @@ void place_cube(Scene& scene) {
         distance += to_target.norm() / double(scene.train.size());
         ahead += view.camera.rotation.row(2).dot(to_target) / double(scene.train.size());
     }
-    if (!(ahead > 0.5 * distance)) return;  // cameras that look away from each other meet behind themselves
+    if (!(ahead > 0.5 * distance)) return;  // the axes of cameras that look away from each other meet behind them
     if (std::abs(distance / kDistance - 1) < 0.05 && target.norm() < 0.1 * kHalfSide) return;
     if (!(distance > 0) || !target.allFinite()) return;
     scene.random_init_center = target;
     scene.random_init_half_extent = kHalfSide / kDistance * distance;
 }
 
-/// Moves cameras, points and the cube of initialisation from scene coordinates into the scene's frame.
+/// Converts cameras, points and the initialisation cube from scene coordinates to frame coordinates.
 void bring_into_frame(Scene& scene, const SourcePoints& points) {
     for (auto* views : {&scene.train, &scene.test})
         for (View& view : *views) view.camera = into_frame(view.camera, scene.frame);
@@ -378,8 +379,8 @@ double camera_extent(const std::vector<View>& views, const PointCloud& points) {
     if (views.empty()) return 1;
     const Eigen::Vector3d mean = mean_camera_center(views);
     const double radius = camera_radius(views);
-    // A zero extent would freeze all positions. Cameras in one place do not tell the size of the scene, but its points
-    // do.
+    // A zero extent would freeze all positions. If the cameras are in one place, the points determine the size of the
+    // scene.
     if (1.1 * radius > 1e-6) return 1.1 * radius;
     Eigen::Vector3d low = mean, high = mean;
     for (const Eigen::Vector3f& point : points.positions) {
@@ -395,7 +396,7 @@ constexpr std::string_view kBuiltin = "builtin:";
 
 bool is_builtin(const std::string& source) { return source.starts_with(kBuiltin); }
 
-/// Returns the folder of the scene, also if `source` names a file in it.
+/// Returns the folder of the scene, even if `source` names a file in it.
 fs::path scene_folder(const std::string& source) {
     const fs::path path = canonical_path(source);
     return path_exists(path) && !folder_exists(path) ? path.parent_path() : path;
@@ -451,7 +452,7 @@ Scene load_scene(const SceneOptions& options, const LoadRules& rules) {
 
 std::string scene_name(const std::string& source) {
     if (!is_builtin(source)) return scene_folder(source).filename().string();
-    return fs::path(source.substr(kBuiltin.size())).stem().string();  // of a file builtin:FILE.yaml
+    return fs::path(source.substr(kBuiltin.size())).stem().string();  // for builtin:FILE.yaml, the stem of the file
 }
 
 std::string dataset_name(const std::string& source) {

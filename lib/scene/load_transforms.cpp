@@ -19,8 +19,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Returns the first folder of all names, which --images replaces; an empty path if they differ in it or have none, as
-/// absolute names do.
+/// Returns the first folder of all names, which --images replaces. Returns an empty path if the names differ in it or
+/// have none, as absolute names do.
 fs::path common_folder(const std::vector<std::string>& names) {
     fs::path common;
     for (const std::string& name : names) {
@@ -31,7 +31,7 @@ fs::path common_folder(const std::vector<std::string>& names) {
     return common;
 }
 
-/// Returns the folder of a file of transforms, "." for one in the working folder.
+/// Returns the folder of a transforms file, "." for a file in the working folder.
 fs::path folder_of(const TransformsFile& file) {
     return file.path.has_parent_path() ? file.path.parent_path() : fs::path(".");
 }
@@ -43,17 +43,17 @@ struct FrameList {
     std::vector<ViewRole> roles;
 };
 
-/// Finds images and masks of frames and makes views of them.
+/// Finds the images and masks of frames and creates views from them.
 class FrameLoader {
   public:
-    /// Throws DataError if the folder that --images names does not exist.
+    /// Throws DataError if the folder given by --images does not exist.
     FrameLoader(const fs::path& folder, const SceneOptions& options, SourceScene& out) : folder_(folder), out_(out) {
         if (options.images == SceneOptions().images) return;
         require_image_folder(folder, options.images);
         out.image_folder = options.images;
     }
 
-    /// `source` is the file that errors name.
+    /// Adds the views of all lists. Errors name the file `source`.
     void load(const std::vector<FrameList>& lists, const fs::path& source) {
         std::vector<std::string> names, names_in_scene;
         for (const FrameList& list : lists)
@@ -80,13 +80,13 @@ class FrameLoader {
     }
 
   private:
-    /// Finds images below the folder that --images names, or else where the file says they are.
+    /// Finds images below the folder given by --images, or else at the paths that the file states.
     FoundImages find(std::vector<std::string> names) const {
         if (out_.image_folder.empty()) return find_images(folder_, names, OutsideNames::kTaken);
         const fs::path images = folder_ / out_.image_folder, common = common_folder(names);
         if (!common.empty() && !folder_exists(images / common))
             for (std::string& name : names) name = fs::path(name).lexically_relative(common).generic_string();
-        // Names that lead elsewhere must not pass by the folder that was asked for.
+        // Names outside this folder must not bypass the requested folder.
         return find_images(images, names, OutsideNames::kForeign);
     }
 
@@ -143,7 +143,7 @@ class FrameLoader {
     std::size_t stated_masks_ = 0, replaced_ = 0;
 };
 
-/// Reads the points that the file names, else those of a file beside it with one of the usual names.
+/// Reads the points from the file's ply_file_path, or else from a file beside it with one of the usual names.
 void read_points(const TransformsFile& file, const std::vector<std::string>& usual_names, SourceScene& out) {
     const fs::path folder = folder_of(file);
     std::vector<PointFile> files;
@@ -167,15 +167,15 @@ void read_points(const TransformsFile& file, const std::vector<std::string>& usu
     choose_points(std::move(files), rule, out);
 }
 
-/// Returns the file of the given name beside `file`, if there is one.
+/// Reads the transforms file of the given name beside `file`, if it exists.
 std::optional<TransformsFile> read_beside(const TransformsFile& file, const char* name) {
     const fs::path path = folder_of(file) / name;
     if (!path_exists(path)) return {};
     return read_transforms(path);
 }
 
-/// Loads the frames of a file, and as test views those of transforms_test.json beside it, or else transforms_val.json,
-/// unless the file itself says which views test.
+/// Loads the frames of a file. Unless the file itself states the test views, the frames of transforms_test.json beside
+/// it, or else of transforms_val.json, are the test views.
 void load_frames(const TransformsFile& file, const SceneOptions& options, SourceScene& out) {
     std::vector<FrameList> lists;
     const auto add = [&](const TransformsFile& from, const std::vector<TransformsFrame>& frames, const char* key,
@@ -186,7 +186,7 @@ void load_frames(const TransformsFile& file, const SceneOptions& options, Source
     const auto all_test = [](const std::vector<TransformsFrame>& frames) {
         return std::vector(frames.size(), ViewRole::kTest);
     };
-    // Frames that test come first: of two with one name the first counts.
+    // Test frames come first: of two frames with one name the first counts.
     add(file, file.test_frames, "test_frames", all_test(file.test_frames));
     add(file, file.frames, "frames", roles_of_frames(file, out));
     std::optional<TransformsFile> test;
@@ -195,7 +195,7 @@ void load_frames(const TransformsFile& file, const SceneOptions& options, Source
         if (!out.given_split.empty() || !(test = read_beside(file, name))) continue;
         add(*test, test->frames, "frames", all_test(test->frames));
         out.given_split = file.path.filename().string() + " / " + name;
-        // 3DGS trains on the test views if none are held out, but never reads the others.
+        // 3DGS trains on the views of transforms_test.json if none are held out, but never reads transforms_val.json.
         out.test_views_train = name == std::string_view("transforms_test.json");
     }
     FrameLoader(folder_of(file), options, out).load(lists, file.path);

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Returns `image` with `channels` channels: surplus ones are cut, missing ones are filled with full alpha.
+/// Returns `image` with `channels` channels: extra channels are dropped, and missing ones are filled with full alpha.
 Image with_channels(const Image& image, int channels) {
     Image out = image;
     out.channels = channels;
@@ -108,12 +108,12 @@ const MaskFinder::Index& MaskFinder::beside(const fs::path& folder) {
 
 std::optional<MaskFile> MaskFinder::find(const std::string& name, const std::string& inner,
                                          const fs::path& image_path) {
-    // The folders that may have a folder of masks, with the image's name below it.
+    // The folders that may contain a mask folder, each with the image's name below it.
     std::vector<std::pair<fs::path, std::string>> places{{root_, inner}, {root_, name}};
     for (fs::path folder = fs::path(name).parent_path(); folder.has_filename() && folder.filename() != "..";
          folder = folder.parent_path()) {
         const fs::path above = folder.parent_path();
-        // With siblings it would not be known whose masks these are.
+        // If the folder had siblings, the masks could belong to any of them.
         if (children_[above.generic_string()].size() == 1)
             places.emplace_back(root_ / above, fs::path(name).lexically_relative(folder).generic_string());
     }

@@ -17,38 +17,39 @@ namespace gs {
 
 struct MaskFile {
     std::filesystem::path path;
-    bool inverted = false;  ///< non-zero = ignore (instant-ngp's dynamic masks)
+    bool inverted = false;  ///< non-zero pixels are ignored (instant-ngp's dynamic masks)
 };
 
-/// Returns the name of the image that a name "X.mask.png" belongs to, which is X with or without its extension; nothing
-/// for other names.
+/// Returns X, the name of the masked image with or without its extension, if `name` has the form "X.mask.png";
+/// otherwise nothing.
 std::optional<std::string> masked_by(const std::string& name);
 
-/// Finds the masks of a dataset's images by their names. Folders, extensions and, unless two files differ only so,
-/// names may be in upper or lower case, and composed or decomposed.
+/// Finds the masks of a dataset's images by their names. Ignores case and Unicode composition of folders and
+/// extensions, and also of names unless two files differ only in these.
 class MaskFinder {
   public:
-    /// `names` are those of all images, relative to the dataset's folder `root`. `factor` is the divisor of the image
-    /// folder, whose masks may lie in masks_<factor>/; 1 = none.
+    /// `names` are the names of all images, relative to the dataset's folder `root`. `factor` is the divisor by which
+    /// the image folder is scaled, whose masks may lie in masks_<factor>/; 1 = none.
     MaskFinder(const std::filesystem::path& root, const std::vector<std::string>& names, int factor);
 
     /// Returns the mask of an image. Looks in masks_<factor>/, masks/, mask/ and sfm_masks/, for <name>.png,
     /// <name>.mask.png, <name>_mask.png, <stem>.png, <stem>.mask.png and <stem>_mask.png with any extension of an
-    /// image. These folders lie in `root`, and beside any folder of the image without siblings: sub-folders of both
-    /// match. Then looks beside the image for the names with "mask" in them, and for dynamic_mask_<stem>, whose meaning
-    /// is inverted. `name` is relative to `root`, `inner` to the image folder. Throws DataError for folders that cannot
-    /// be listed.
+    /// image. These folders lie in `root`, or beside any folder of the image that has no siblings; sub-folders of mask
+    /// folder and image folder match. Then looks beside the image for the names with "mask" in them, and for
+    /// dynamic_mask_<stem>, whose meaning is inverted. `name` is relative to `root`, `inner` to the image folder.
+    /// Throws DataError if a folder cannot be listed.
     std::optional<MaskFile> find(const std::string& name, const std::string& inner,
                                  const std::filesystem::path& image_path);
 
-    /// Returns whether the dataset lists the mask of another of its images as an image, as "a.jpg.mask.png" is.
+    /// Returns whether `name`, listed as an image of the dataset, is the mask of another of its images
+    /// ("a.jpg.mask.png").
     bool is_mask(const std::string& name) const;
 
-    /// Returns the folders of masks that hold images of which none was found.
+    /// Returns the mask folders that hold images but gave no mask to any image.
     std::vector<std::filesystem::path> unused() const;
 
   private:
-    /// Image files by their names without extension and without upper and lower case.
+    /// Image files of one folder, by their case-folded names without extension.
     struct Index {
         std::filesystem::path folder;
         std::multimap<std::string, std::string> names;
@@ -63,14 +64,14 @@ class MaskFinder {
 
     std::filesystem::path root_;
     int factor_;
-    std::set<std::string> names_, stems_;                    ///< without upper and lower case
-    std::map<std::string, std::set<std::string>> children_;  ///< of each folder: folders, and "" for images
+    std::set<std::string> names_, stems_;                    ///< case-folded
+    std::map<std::string, std::set<std::string>> children_;  ///< per folder: its sub-folders, and "" if it has images
     std::map<std::filesystem::path, std::vector<Index>> mask_folders_;
     std::map<std::filesystem::path, Index> beside_;
 };
 
-/// Reads a mask and resizes it to the given size: loss weights, 255 = use, 0 = ignore. `turn` is the EXIF orientation
-/// by which the image was turned; a mask that lies as the image was stored is turned with it.
+/// Reads a mask and resizes it to the given size. Its values are loss weights: 255 = use, 0 = ignore. `turn` is the
+/// EXIF orientation by which the image was turned; a mask oriented like the stored image is turned in the same way.
 Image load_mask(const MaskFile& file, bool invert, int width, int height, int turn = 1);
 
 /// Applies SceneOptions::alpha_mode and then mask_mode to a decoded view. AlphaMode::kMask moves the alpha channel

@@ -16,10 +16,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kFewPhotographs = 300;  // 45,000 pairs, minutes to an hour
+constexpr std::size_t kFewPhotographs = 300;  // gives 45,000 pairs, which take minutes to an hour
 constexpr std::string_view kDigits = "0123456789";
 
-/// A name taken apart at its last number.
+/// A name split at its last number.
 struct NumberedName {
     std::string before, digits, after;
 };
@@ -32,13 +32,14 @@ NumberedName take_apart(const std::string& name) {
     return {name.substr(0, first), name.substr(first, last + 1 - first), name.substr(last + 1)};
 }
 
-/// Returns whether this colmap reads the vocabulary trees of 3.12 and later; earlier ones have another format.
+/// Returns whether this colmap reads vocabulary trees of colmap 3.12 and later; earlier versions have another format.
 bool reads_faiss(ColmapProgram& colmap) {
     return colmap.help("vocab_tree_matcher").find("faiss") != std::string::npos ||
            colmap.option("vocab_tree_matcher", "use_gpu").find("Feature") != std::string::npos;
 }
 
-/// Returns the given vocabulary tree, or one in the places where colmap and its packages keep them; else an empty path.
+/// Returns the given vocabulary tree, or else one in the usual folders of colmap and its packages, or else an empty
+/// path.
 fs::path find_vocab_tree(const PrepareOptions& options, ColmapProgram& colmap) {
     if (!options.vocab_tree.empty()) {
         if (const std::string fault = input_fault(options.vocab_tree); !fault.empty())
@@ -95,7 +96,7 @@ bool numbered_in_order(const std::vector<std::string>& names) {
         if (name.digits.empty()) return false;
         if (i == 0) continue;
         const NumberedName before = take_apart(names[i - 1]);
-        // Numbers of one length sort as numbers do.
+        // Digit strings of equal length sort like their numbers.
         if (name.before != before.before || name.after != before.after || name.digits.size() != before.digits.size())
             return false;
     }

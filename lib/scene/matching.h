@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses which pairs of photographs colmap compares.
+// Chooses the pairs of photographs that colmap compares.
 #pragma once
 
 #include <string>
@@ -11,18 +11,19 @@
 namespace gs {
 
 struct Matching {
-    std::string command;                 ///< colmap's, as "exhaustive_matcher"
-    std::vector<std::string> arguments;  ///< besides the database and the GPU
-    std::string words;                   ///< for people: which pairs, and why
+    std::string command;                 ///< colmap command, e.g. "exhaustive_matcher"
+    std::vector<std::string> arguments;  ///< the command's arguments other than database and GPU
+    std::string words;                   ///< the chosen pairs and the reason, in words
 };
 
-/// Returns whether the names differ in one number each and are in its order when they are sorted, as those of frames
-/// and of a camera's photographs are. `names` are sorted.
+/// Returns whether the names differ only in one number and sorting them also sorts this number, as for video frames and
+/// a camera's photographs. `names` must be sorted.
 bool numbered_in_order(const std::vector<std::string>& names);
 
-/// Chooses by --matching or, without it, by the number of photographs: all pairs up to 300; above that neighbours of a
-/// video, pairs that look alike if there is a vocabulary tree, neighbours of numbered names, all pairs. A video's
-/// frames are always compared with their neighbours. Throws UsageError for a vocabulary tree that is missing.
+/// Chooses the matching by --matching. Without it, chooses all pairs for up to 300 photographs. Above that it chooses
+/// the first that applies: neighbouring frames of a video, similar pairs if there is a vocabulary tree, neighbours of
+/// numbered names, all pairs. A video's frames are always compared with their neighbours. Throws UsageError if the
+/// vocabulary tree is missing.
 Matching choose_matching(const PrepareOptions& options, const std::vector<std::string>& names, bool is_video,
                          ColmapProgram& colmap);
 

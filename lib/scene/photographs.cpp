@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looks through a folder of photographs and turns those that lie on their side; extracts frames of a video with ffmpeg
+// Searches a folder of photographs and turns the ones that lie on their side; extracts frames of a video with ffmpeg
 // and keeps the sharpest of each interval.
 #include "lib/scene/photographs.h"
 
@@ -22,9 +22,9 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::int64_t kCandidates = 5;  // per interval: neighbours of a blurred frame at 30 a second are often sharp
+constexpr std::int64_t kCandidates = 5;  // per interval: at 30 fps the neighbours of a blurred frame are often sharp
 
-/// Reads the seconds of "  Duration: 00:01:02.50, start: ..."; 0 for other lines.
+/// Parses the seconds from "  Duration: 00:01:02.50, start: ...". Returns 0 for other lines.
 double duration_in(const std::string& line) {
     static const std::regex kDuration(R"(Duration: (\d{1,4}):(\d\d):(\d\d(?:\.\d+)?))");
     std::smatch match;
@@ -32,7 +32,7 @@ double duration_in(const std::string& line) {
     return 3600 * std::stod(match[1]) + 60 * std::stod(match[2]) + std::stod(match[3]);
 }
 
-/// Reads the number in "frame=12", a line of ffmpeg's reports for programs; -1 for other lines.
+/// Parses the number from "frame=12", a line of ffmpeg's machine-readable progress. Returns -1 for other lines.
 std::int64_t frame_in(const std::string& line) {
     static const std::regex kFrame(R"(frame=\s*(\d{1,12}))");
     std::smatch match;
@@ -44,7 +44,7 @@ void extract_candidates(const fs::path& video, double rate, const fs::path& fold
     std::string pattern;
     for (const char c : folder.string()) pattern += c == '%' ? "%%" : std::string(1, c);
     std::int64_t total = 0;
-    // "file:" keeps names with a colon from being taken for addresses.
+    // "file:" prevents ffmpeg from reading names with a colon as URLs.
     log.run("ffmpeg",
             {"ffmpeg", "-hide_banner", "-nostdin", "-nostats", "-progress", "pipe:1", "-i", "file:" + video.string(),
              "-vf", fmt::format("fps={:.9g}", rate), "-q:v", "2", "-start_number", "0", pattern + "/%08d.jpg"},
@@ -56,7 +56,7 @@ void extract_candidates(const fs::path& video, double rate, const fs::path& fold
             });
 }
 
-/// Makes a link, or a copy on file systems without links (exFAT, network folders). Throws DataError.
+/// Creates a link, or a copy on file systems without links (exFAT, network folders). Throws DataError.
 void link_or_copy(const fs::path& from, const fs::path& to) {
     std::error_code error;
     fs::create_symlink(fs::canonical(from), to, error);
@@ -109,7 +109,7 @@ Photographs find_photographs(const fs::path& images) {
     for (fs::recursive_directory_iterator it(images, error), end; !error && it != end; it.increment(error)) {
         if (std::error_code ignored; !it->is_regular_file(ignored)) continue;
         const fs::path name = it->path().lexically_relative(images);
-        // Side files, as "1.jpg_original" of exiftool and raw photographs, may have an orientation, too.
+        // Other files, such as exiftool's "1.jpg_original" and raw photographs, may have an orientation, too.
         if (has_image_extension(name))
             found.names.push_back(name.generic_string());
         else
@@ -130,7 +130,7 @@ Photographs find_photographs(const fs::path& images) {
             const bool quarter = is_quarter_turn(info.orientation);
             found.upright_sizes.insert({quarter ? info.height : info.width, quarter ? info.width : info.height});
         } catch (const DataError&) {
-            // colmap skips what it cannot read, too.
+            // colmap skips unreadable files, too.
         }
         (turned ? found.turned : found.others).push_back(name);
     }

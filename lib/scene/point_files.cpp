@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files that a scene's points may come from, and the choice among them.
+// Finds the files that may hold a scene's points, and chooses among them.
 #include "lib/scene/point_files.h"
 
 #include <fmt/format.h>
@@ -32,7 +32,7 @@ std::size_t count_points(const PointFile& file) {
                              : read_colmap_points(file.path, ignored).positions.size();
 }
 
-/// Moves COLMAP's file before a points3D.ply that is a copy of it. Returns whether there is such a copy.
+/// Moves COLMAP's file in front of a points3D.ply that is a copy of it. Returns whether there is such a copy.
 bool prefer_original(std::vector<PointFile>& files) {
     if (files.size() < 2 || !is_ply(files[0].path) || is_ply(files[1].path)) return false;
     if (files[0].path.parent_path() != files[1].path.parent_path()) return false;
@@ -42,10 +42,10 @@ bool prefer_original(std::vector<PointFile>& files) {
     return true;
 }
 
-/// The columns of a PLY's colours.
+/// The colour columns of a PLY.
 struct ColorColumns {
     std::array<int, 3> column = {-1, -1, -1};
-    bool is_base_color = false;  ///< the constant band of spherical harmonics, as models of Gaussians have it
+    bool is_base_color = false;  ///< colours are the constant band of spherical harmonics, as in models of Gaussians
 
     bool found() const { return column[0] >= 0 && column[1] >= 0 && column[2] >= 0; }
 };
@@ -63,11 +63,12 @@ ColorColumns find_colors(const PlyReader& reader) {
     return {};
 }
 
-/// Returns the value that stands for 1 in colours of this type, whose largest is `largest`. Many writers keep 8-bit
-/// values in wider types.
+/// Returns the value that represents 1 in colours of this type whose largest value is `largest`. Many writers store
+/// 8-bit values in wider types.
 float color_range(PlyType type, float largest) {
     const bool real = type == PlyType::kFloat || type == PlyType::kDouble;
-    // Real colours may exceed 1 a little; of 8-bit values stored so, one is above 2 unless all is black.
+    // Floating-point colours may slightly exceed 1. If they hold 8-bit values, one of them is above 2 unless all are
+    // black.
     if (real && largest <= 2) return 1;
     return largest <= 255 || type == PlyType::kInt8 ? 255.0f : 65535.0f;
 }
@@ -147,7 +148,7 @@ SourcePoints read_point_ply(const fs::path& path, std::vector<std::string>& note
             if (colors.is_base_color)
                 value = 0.5f + float(kY0) * value;
             else
-                // A colour above 127 in a signed byte is a negative number.
+                // A colour above 127 in a signed byte reads as a negative number.
                 value = (type == PlyType::kInt8 && value < 0 ? value + 256 : value) / range;
             value = std::clamp(value, 0.0f, 1.0f);
         }

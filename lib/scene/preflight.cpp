@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks a dataset before training: missing or unreadable files, sizes that differ, points that no camera sees.
+// Checks a dataset before training: missing or unreadable files, mismatched sizes, points that no camera sees.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 namespace gs {
 namespace {
 
-/// Counts the points that no camera sees or draws.
+/// Numbers of points that no camera sees, and of points that cameras see but do not draw (Seen::kClipped).
 struct PointCounts {
     std::atomic<std::int64_t> unseen = 0, clipped = 0;
 };
@@ -25,7 +25,7 @@ struct PointCounts {
 void count_points(const std::vector<const View*>& views, const PointCloud& points, PointCounts& counts) {
     const std::int64_t count = std::int64_t(points.positions.size());
     parallel_for(num_parts(count), [&](std::int64_t part) {
-        std::size_t last = 0;  // neighbours in the file are mostly seen by the same camera
+        std::size_t last = 0;  // the same camera usually sees neighbours in the file
         for (std::int64_t i = part * kPartSize; i < std::min(count, (part + 1) * kPartSize); ++i) {
             Seen best = Seen::kNot;
             for (std::size_t tried = 0; tried < views.size(); ++tried) {
@@ -126,7 +126,7 @@ std::vector<std::string> Preflight::report(const std::string& where) const {
     if (!duplicate_.empty())
         lines.push_back(fmt::format("{} image names appear more than once: the first is used ({})", duplicate_.size(),
                                     listed(duplicate_)));
-    if (names_.size() <= cameras_.size()) {  // each view without a camera was accepted before
+    if (names_.size() <= cameras_.size()) {  // each view whose camera was rejected had been accepted before
         std::string reasons;
         for (const std::string& line : lines) reasons += "; " + line;
         throw DataError(
@@ -162,7 +162,8 @@ void note_mask_findings(const MaskFinder& masks, const std::vector<std::string>&
 }
 
 void check_points(Scene& scene) {
-    // Every reconstruction has some points just outside of the images, where lens distortion bent them in.
+    // Every reconstruction has some points just outside the undistorted images, which lens distortion had bent into the
+    // photographs.
     constexpr double kFewPoints = 0.05;
     const std::size_t count = scene.points.positions.size();
     if (count == 0) return;

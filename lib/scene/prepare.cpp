@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs colmap's four stages, for a video after the choice of its frames, and says what came of the photographs.
+// Runs colmap's four stages, for a video after extracting its frames, and reports the result.
 #include "lib/scene/prepare.h"
 
 #include <fmt/format.h>
@@ -40,7 +40,7 @@ void check_options(const PrepareOptions& options) {
         throw UsageError(fmt::format("--fps is {:g}; must be from 0.01 to 60", *options.fps));
 }
 
-/// Returns the number of images in a binary model, 0 when there is none.
+/// Returns the number of images in a binary model, or 0 if there is none.
 std::uint64_t num_images(const fs::path& model) {
     std::ifstream file(model / "images.bin", std::ios::binary);
     unsigned char bytes[8] = {};
@@ -50,7 +50,7 @@ std::uint64_t num_images(const fs::path& model) {
     return count;
 }
 
-/// The work of one call.
+/// The work of one call of prepare_scene.
 class Preparation {
   public:
     Preparation(const PrepareOptions& options, const PrepareProgress& progress, const fs::path& work, ProgramLog& log)
@@ -58,11 +58,11 @@ class Preparation {
         report_.is_video = is_video(options.source);
     }
 
-    /// Makes the scene in the folder `dense()` and returns what came of it.
+    /// Makes the scene in the folder `dense()` and returns the report.
     PrepareReport run() {
         Photographs photographs;
         if (!report_.is_video) photographs = find_photographs(options_.source);
-        // Chosen first: what is wrong with it should not be said after an hour.
+        // Chosen first, so that an error in this choice does not appear after an hour.
         use_gpu_ = choose_gpu();
         const Matching matching = choose_matching(options_, photographs.names, report_.is_video, program_);
         log_info("matching: {}", matching.words);
@@ -114,8 +114,8 @@ class Preparation {
         return frames;
     }
 
-    /// Returns the folder of photographs for colmap: that which is given, or a copy of it if some are to be turned
-    /// upright or are masks.
+    /// Returns the folder of photographs for colmap: the given folder, or a copy of it if some photographs must be
+    /// turned upright or some files are masks.
     fs::path provide_upright(const fs::path& given, const Photographs& photographs) {
         const std::size_t turned = photographs.turned.size(), all = photographs.names.size();
         if (!photographs.masks.empty())
@@ -141,7 +141,7 @@ class Preparation {
         return work_ / "photographs";
     }
 
-    /// Returns the option of `command` that says whether it computes on the GPU, with its value.
+    /// Returns the option of `command` that selects the GPU or the CPU, with its value.
     std::vector<std::string> gpu_choice(const std::string& command) {
         const std::string option = program_.option(command, "use_gpu");
         if (option.empty()) return {};
@@ -161,7 +161,7 @@ class Preparation {
     static bool has_nvidia_gpu() {
         try {
             return run_process({"nvidia-smi", "-L"}, {}, [](const std::string&) {}).exit_code == 0;
-        } catch (const UsageError&) {  // it comes with the driver
+        } catch (const UsageError&) {  // nvidia-smi, which comes with the driver, is not installed
             return false;
         }
     }
@@ -190,7 +190,7 @@ class Preparation {
         colmap(std::move(arguments));
     }
 
-    /// Returns the reconstruction with most photographs. Throws DataError when there is none.
+    /// Returns the reconstruction with the most photographs. Throws DataError if there is none.
     fs::path reconstruct() {
         const fs::path models = work_ / "models";
         fs::create_directories(models);
@@ -204,7 +204,7 @@ class Preparation {
                        finds_nothing |= line.find("failed to create sparse model") != std::string::npos;
                    });
         } catch (const DataError&) {
-            if (!finds_nothing) throw;  // otherwise it did its work, and there is a better message below
+            if (!finds_nothing) throw;  // otherwise colmap finished its work, and the message below is better
         }
         std::vector<std::pair<std::uint64_t, fs::path>> found;
         for (int i = 0; fs::exists(models / std::to_string(i)); ++i)
@@ -218,7 +218,7 @@ class Preparation {
             colmap({"model_analyzer", "--path", found[0].second.string()}, [this](const std::string& line) {
                 if (const auto error = reprojection_error_in(line)) report_.error = error;
             });
-        } catch (const DataError&) {  // the log says why the figure is missing
+        } catch (const DataError&) {  // the log shows why the value is missing
         }
         return found[0].second;
     }
@@ -275,7 +275,7 @@ PrepareReport prepare_scene(const PrepareOptions& options, const PrepareProgress
         report.log = target / kLog;
         return report;
     } catch (const fs::filesystem_error& e) {
-        const fs::path& path = e.path2().empty() ? e.path1() : e.path2();  // of a rename the target
+        const fs::path& path = e.path2().empty() ? e.path1() : e.path2();  // the target of a rename
         throw DataError(fmt::format("{}: {}", path.string(), e.code().message()));
     } catch (const DataError& e) {
         throw DataError(e.what() + (log.has_runs() ? keep_failed_log(log.path(), target) : ""));

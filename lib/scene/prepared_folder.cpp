@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Guards, arranges and replaces folders of scenes.
+// Checks, arranges and replaces scene folders.
 #include "lib/scene/prepared_folder.h"
 
 #include <fcntl.h>
@@ -25,7 +25,7 @@ bool lies_within(const fs::path& inner, const fs::path& outer) {
     return !relative.empty() && *relative.begin() != "..";
 }
 
-/// Makes all that colmap wrote survive a power cut, and finds out what a full disk has kept from it.
+/// Flushes colmap's output to disk, so that it survives a power cut and write errors of a full disk are detected.
 void sync_scene(const fs::path& scene) {
     const int fd = ::open(scene.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     const int error = fd >= 0 && ::syncfs(fd) == 0 ? 0 : errno;
@@ -93,7 +93,7 @@ std::string keep_failed_log(const fs::path& log, const fs::path& target) {
     const fs::path kept = target / kFailedLog;
     try {
         copy_file_atomic(log, kept);
-    } catch (const std::exception& e) {  // the error that brought us here is the one to report
+    } catch (const std::exception& e) {  // the original error is the one to report
         return fmt::format("; its output could not be kept: {}", e.what());
     }
     return fmt::format("\nall that was printed is in {}", kept.string());

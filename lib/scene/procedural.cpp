@@ -17,8 +17,8 @@ namespace {
 
 using procedural::Description;
 
-/// Applies `resolution` as for photographs: 1, 2, 4, 8 divide, larger values are the width in pixels. -1 keeps the
-/// scene's own size.
+/// Applies `resolution` as for photographs: 1, 2, 4, 8 are divisors, larger values are the width in pixels, and -1
+/// keeps the scene's own size.
 void apply_resolution(procedural::CameraRig& rig, int resolution) {
     if (resolution == 1) return;
     const int width = rig.width;
@@ -59,11 +59,11 @@ View make_view(const Description& description, bool test, int index) {
     return view;
 }
 
-/// Samples surface points that random pixels of the training cameras see, with their colour without gloss. Structure
-/// from motion would deliver the same, less exactly.
+/// Samples the surface points at random pixels of the training cameras, with their diffuse colour. Structure from
+/// motion would give the same points, less exactly.
 PointCloud sample_points(const Description& description) {
     PointCloud cloud;
-    // Limited, because cameras that see no shape would loop for ever.
+    // Limited, because the loop would never end if the cameras saw no shape.
     const std::uint32_t attempts = 20u * std::uint32_t(description.points);
     for (std::uint32_t i = 0; i < attempts && cloud.positions.size() < std::size_t(description.points); ++i) {
         const Philox4 random = philox(0, RngStream::kScene, 1, i);

@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 constexpr double kSurfaceOffset = 1e-6;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Returns the smallest positive t of a hit, or infinity. Only the nearest hit gets a normal, later.
+/// Returns the smallest positive t of a hit, or infinity. The normal is computed later, only for the nearest hit.
 double hit_distance(const Shape& shape, const Ray& ray) {
     if (shape.kind == ShapeKind::kSphere) {
         const Vector3d to_center = shape.center - ray.origin;
@@ -29,7 +29,7 @@ double hit_distance(const Shape& shape, const Ray& ray) {
         if (along - half_chord > 0) return along - half_chord;
         return along + half_chord > 0 ? along + half_chord : kInfinity;
     }
-    // most rays miss the bounding sphere; this test is cheaper than turning the ray
+    // most rays miss the bounding sphere; this test is cheaper than rotating the ray
     if (shape.kind == ShapeKind::kBox) {
         const Vector3d to_center = shape.center - ray.origin;
         const double along = to_center.dot(ray.direction);
@@ -76,7 +76,7 @@ Vector3d albedo_at(const Hit& hit) {
     return (parity & 1) == 0 ? material.albedo : material.albedo2;
 }
 
-/// Adds the contribution of one light sample; `weight` is its share of the light.
+/// Adds the contribution of one light sample; `weight` is its fraction of the light.
 void add_light(const World& world, const Hit& hit, const Vector3d& mirror, const Light& light, const Vector3d& to_light,
                double distance, double weight, Radiance& out) {
     const double cosine = hit.normal.dot(to_light);

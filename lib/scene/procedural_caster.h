@@ -12,7 +12,7 @@
 
 namespace gs::procedural {
 
-/// The surface of a shape. The checker alternates `albedo` and `albedo2` in cubes of side `checker` of object space.
+/// The surface of a shape. The checker alternates `albedo` and `albedo2` in cubes of side `checker` in object space.
 struct Material {
     Eigen::Vector3d albedo{0.8, 0.8, 0.8};
     Eigen::Vector3d albedo2{0.8, 0.8, 0.8};
@@ -33,7 +33,7 @@ struct Shape {
     Eigen::Vector3d half_size{1, 1, 1};
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< world_from_object
     Material material;
-    bool shadow_only = false;  ///< invisible, only blocks light
+    bool shadow_only = false;  ///< invisible, but blocks light
 };
 
 /// A directional light, or the parallelogram center + s*edge_u + t*edge_v, s,t in [-1,1], sampled on a fixed grid.
@@ -50,13 +50,14 @@ struct Sky {
     Eigen::Vector3d zenith{0.4, 0.5, 0.7}, horizon{0.7, 0.7, 0.7}, ground{0.2, 0.2, 0.2};
 };
 
-/// Everything that determines a pixel. World axes: z up. Colours are display values: no tone curve is applied.
+/// Everything but the camera that determines a pixel. World axes: z up. Colours are display values: no tone curve is
+/// applied.
 struct World {
     std::vector<Shape> shapes;
     std::vector<Light> lights;
     Sky sky;
     double ambient = 0.3;                       ///< factor of the sky colour in the normal's direction
-    std::optional<Eigen::Vector3d> background;  ///< colour of rays that hit nothing; empty = the sky
+    std::optional<Eigen::Vector3d> background;  ///< colour of rays that hit nothing; empty = sky
 };
 
 struct Ray {
@@ -69,19 +70,19 @@ struct Hit {
     const Shape* shape = nullptr;
 };
 
-/// Light that leaves a point towards the eye. `diffuse` does not depend on the direction, `specular` does.
+/// The light from a point towards the eye. `diffuse` does not depend on the direction; `specular` does.
 struct Radiance {
     Eigen::Vector3d diffuse{0, 0, 0}, specular{0, 0, 0};
 };
 
-/// Returns the ray through image position (x, y), pixels; the centre of the first pixel is (0.5, 0.5).
+/// Returns the ray through image position (x, y) in pixels. The centre of the first pixel is (0.5, 0.5).
 Ray camera_ray(const Camera& camera, double x, double y);
 
-/// Returns the nearest visible surface in front of the ray's origin, if there is one.
+/// Returns the ray's nearest hit with a visible surface in front of its origin, if any.
 std::optional<Hit> intersect(const World& world, const Ray& ray);
 
-/// Returns true if a shape lies within the distance `limit` of `point` along `direction`. The ray starts slightly off
-/// the surface, along `normal`.
+/// Returns true if the ray from `point` along `direction` hits a shape within the distance `limit`. The ray starts
+/// slightly off the surface, along `normal`.
 bool occluded(const World& world, const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
               const Eigen::Vector3d& direction, double limit);
 
@@ -94,7 +95,7 @@ Radiance shade(const World& world, const Hit& hit, const Eigen::Vector3d& direct
 /// Returns the sky's colour in a unit direction.
 Eigen::Vector3d sky_color(const Sky& sky, const Eigen::Vector3d& direction);
 
-/// Returns a float (H,W,3) image, not clamped; each pixel is the mean of grid x grid rays. The result does not depend
+/// Renders a float (H,W,3) image, not clamped. Each pixel is the mean of grid x grid rays. The result does not depend
 /// on the number of threads.
 Image render(const World& world, const Camera& camera, int grid);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads a procedural scene's description strictly from YAML and makes single views of it.
+// Strictly reads a procedural scene's description from YAML, and derives cameras and settings of single views.
 #include "lib/scene/procedural_description.h"
 
 #include <fmt/format.h>
@@ -30,27 +30,27 @@ template <class T> void check_range(T value, T low, T high, const std::string& w
 using Eigen::Vector3d;
 
 constexpr double kDegree = M_PI / 180;
-/// The limit of coordinates: far larger than any use needs, and arithmetic is still exact.
+/// The limit of coordinates: far larger than needed, while arithmetic is still accurate.
 constexpr double kFar = 1e6;
 constexpr double kGoldenTurn = 0.6180339887498949;  ///< golden ratio - 1: spreads directions evenly for any count
-/// The limit of colours: lights may be brighter than white, but a mistyped digit is caught.
+/// The limit of colours: it allows lights brighter than white but catches a mistyped digit.
 constexpr double kMaxColor = 10;
 
 /// A YAML mapping that is read strictly: values are checked as they are read, and unknown keys are errors.
 class YamlSection {
   public:
-    /// `where` is the section's place in messages, e.g. "builtin:glossy: shapes[2]". Throws UsageError when `node` is
-    /// no mapping or holds a key that is not in `known`.
+    /// `where` is the section's place in messages, e.g. "builtin:glossy: shapes[2]". Throws UsageError if `node` is not
+    /// a mapping or holds a key that is not in `known`.
     YamlSection(const YAML::Node& node, std::string where, const std::vector<std::string>& known);
 
     bool has(const std::string& key) const { return node_[key].IsDefined(); }
     std::string where(const std::string& key) const { return where_ + "." + key; }
     YAML::Node node(const std::string& key) const { return node_[key]; }
-    /// Returns the elements of a list, none when the key is absent. Throws UsageError when the value is not a list.
+    /// Returns the elements of a list, none if the key is absent. Throws UsageError if the value is not a list.
     std::vector<YAML::Node> items(const std::string& key) const;
 
-    // Each `read` leaves `out` unchanged when the key is absent. It throws UsageError for a wrong type or a value
-    // outside [low, high].
+    // Each `read` leaves `out` unchanged if the key is absent. It throws UsageError for a wrong type or a value outside
+    // [low, high].
     void read(const std::string& key, std::string& out) const;
     void read(const std::string& key, double& out, double low, double high) const;
     void read(const std::string& key, int& out, int low, int high) const;
@@ -211,13 +211,13 @@ CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
     CameraRig rig;
     section.read("width", rig.width, 8, 16384);
     section.read("height", rig.height, 8, 16384);
-    constexpr int kMaxPixels = 1 << 24;  // a few bytes of YAML must not ask for the whole memory
+    constexpr int kMaxPixels = 1 << 24;  // a few bytes of YAML must not request all memory
     if (rig.width * rig.height > kMaxPixels)
         throw UsageError(fmt::format("{}: {}x{} pixels are too many; at most {} are drawn", where, rig.width,
                                      rig.height, kMaxPixels));
     section.read("fov", rig.fov, 1, 170);
     section.read("radius", rig.radius, 1e-3, kFar);
-    // Straight up and down are excluded, because the picture's "up" is undefined there.
+    // Straight up and down are excluded, because the image's up direction is undefined there.
     section.read("elevation_min", rig.elevation_min, -89, 89);
     section.read("elevation_max", rig.elevation_max, rig.elevation_min, 89);
     section.read("look_at", rig.look_at, -kFar, kFar);
@@ -305,8 +305,8 @@ Description load_description(const std::string& name) {
 }
 
 Camera rig_camera(const CameraRig& rig, bool test, int index) {
-    // Training azimuths follow the golden angle and their heights climb steadily. Test azimuths are even and their
-    // heights mixed, so that no test view repeats a training view.
+    // Training azimuths advance by the golden angle while the heights increase steadily. Test azimuths are evenly
+    // spaced and the heights are mixed, so that no test view repeats a training view.
     const double count = test ? rig.test : rig.train;
     const double even = (index + 0.5) / count, spread = std::fmod(index * kGoldenTurn, 1.0);
     const double azimuth = 2 * M_PI * (test ? even : spread);
@@ -352,7 +352,7 @@ World train_world(const Description& description, int index) {
 Photography photography(const Description& description, bool test, int index) {
     if (!description.exposure) return {};
     const ExposureJitter& jitter = *description.exposure;
-    // 1 = initial points
+    // Stream 1 is used for the initial points.
     const Philox4 bits = philox(jitter.seed, RngStream::kScene, test ? 2 : 0, std::uint32_t(index));
     const auto drawn = [&](int k, double range) { return range * (2 * uniform_from_bits<double>(bits.v[k]) - 1); };
     const Vector3d gain(drawn(1, jitter.white_balance), drawn(2, jitter.white_balance), drawn(3, jitter.white_balance));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs a program, writes its lines down and turns its failure into an error; reads colmap's help and messages.
+// Runs programs, logs their output and converts their failures to errors; parses colmap's help and messages.
 #include "lib/scene/programs.h"
 
 #include <fmt/format.h>
@@ -17,7 +17,7 @@
 namespace gs {
 namespace {
 
-/// Returns what colmap prints. Some versions report failure for help.
+/// Returns the output of colmap. Ignores failure, because some versions report failure for help.
 std::string output_of(const std::vector<std::string>& arguments) {
     std::string text;
     try {
@@ -42,7 +42,7 @@ void ProgramLog::run(const std::string& name, const std::vector<std::string>& ar
     file_ << fmt::format("$ {}\n", fmt::join(arguments, " ")) << std::flush;
     ProcessResult result;
     try {
-        // Debian's colmap is linked with Qt and needs a display even for work without windows.
+        // Debian's colmap is linked with Qt and needs a display even without windows.
         result = run_process(arguments, {{"QT_QPA_PLATFORM", "offscreen"}}, [&](const std::string& line) {
             file_ << line << '\n' << std::flush;
             on_line(line);

@@ -36,7 +36,7 @@ View smaller_view(View view, int width) {
     const Camera full = view.camera;
     if (full.width <= width) return view;
     const int height = std::max(1, int(std::lround(double(full.height) * width / full.width)));
-    // An image that was kept has the full size. It need not be decoded again.
+    // A kept image has the full size. It need not be decoded again.
     view.load = [whole = view, width, height] { return resized(ViewImage(*view_image(whole)), width, height); };
     view.decoded = nullptr;
     view.camera = resized(full, width, height);

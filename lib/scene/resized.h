@@ -6,24 +6,25 @@
 
 namespace gs {
 
-/// Returns the camera of the same picture in width x height pixels, with scaled intrinsics.
+/// Returns the camera with its intrinsics scaled to an image of width x height pixels.
 Camera resized(Camera camera, int width, int height);
 
-/// The size at which renderers are usually compared.
+/// The image size at which renderers are usually compared.
 inline constexpr int kFrameWidth = 1280, kFrameHeight = 720;
 
-/// Returns the camera with another image size, the same pose and focal lengths in pixels, and the image's centre where
-/// it was: cx + (width - W)/2, cy + (height - H)/2. A larger image shows more of the scene at the same scale.
+/// Returns the camera with another image size, the same pose and focal lengths in pixels, and an unchanged image
+/// centre: the principal point becomes cx + (width - W)/2, cy + (height - H)/2. A larger image shows more of the scene
+/// at the same scale.
 Camera with_size(Camera camera, int width, int height);
 
-/// Returns the camera of the picture in `factor` times fewer pixels a side, rounded down, at least one.
+/// Returns the camera of the image with `factor` times fewer pixels per side, rounded down, at least one.
 Camera reduced(const Camera& camera, int factor);
 
-/// Resizes image and mask, with a box filter where they shrink. An image that already has this size is returned as it
-/// is.
+/// Resizes image and mask, with a box filter if they shrink. An image that already has this size is returned unchanged.
 ViewImage resized(ViewImage image, int width, int height);
 
-/// Returns `view` with at most `width` pixels in width and at least 1 in height. A view that is not wider is unchanged.
+/// Returns `view` with at most `width` pixels in width and at least 1 in height. A view that is not wider is returned
+/// unchanged.
 View smaller_view(View view, int width);
 
 }  // namespace gs

@@ -15,8 +15,8 @@
 
 namespace gs {
 
-/// A similarity between scene coordinates, which files have, and frame coordinates, in which everything is computed
-/// (lib/scene/frame.h). The axes stay.
+/// A similarity between scene coordinates, used in files, and frame coordinates, used in all computations
+/// (lib/scene/frame.h). The axes keep their directions.
 struct Frame {
     Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< origin of the frame, scene units
     double scale = 1;                                  ///< frame units per scene unit
@@ -48,18 +48,18 @@ struct View {
     std::string name;  ///< image name relative to the image folder, e.g. "left/0001.jpg"
     Camera camera;
     std::function<ViewImage()> load;
-    /// The result of `load`, where verify_images kept it; else null.
+    /// The result of `load` if verify_images kept it; else null.
     std::shared_ptr<const ViewImage> decoded;
-    std::size_t image_bytes = 0;  ///< expected bytes of `load()`, for the memory plan
-    /// The index of the device that took it, 0..Scene::num_cameras-1; -1 = a device without training images
+    std::size_t image_bytes = 0;  ///< expected size of the result of `load`, for the memory plan
+    /// Index of the device that took the photograph, 0..Scene::num_cameras-1; -1 = a device without training images
     int camera_id = 0;
-    std::string mask_file;  ///< where its mask comes from; empty without one
-    /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty if the file does not say, or nobody asked
-    /// (SceneOptions::ppisp_exif).
+    std::string mask_file;  ///< file of its mask; empty without a mask
+    /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty if the file does not state it or the option did
+    /// not request it (SceneOptions::ppisp_exif).
     std::optional<double> exif_exposure;
 };
 
-/// Returns the image of a view: the one that was kept, or else a newly decoded one. Throws what View::load throws, and
+/// Returns the image of a view: the kept image, or else a newly decoded one. Throws the errors of View::load, and
 /// DataError if the image does not have the size of the view's camera.
 std::shared_ptr<const ViewImage> view_image(const View& view);
 
@@ -71,55 +71,56 @@ struct PointCloud {
 /// A loaded scene. All its lengths and positions are in the frame.
 struct Scene {
     Frame frame;
-    std::string source;        ///< the name that the user gave
+    std::string source;        ///< name given by the user
     std::string kind;          ///< "colmap", "nerf-synthetic", "transforms", "builtin"
     std::string image_folder;  ///< e.g. "images_4"; empty if not applicable
     std::vector<View> train, test;
-    /// The number of devices that took training images: the cameras of a COLMAP model, in the order of their ids. It is
-    /// 1 if the dataset does not tell devices apart; a COLMAP model with a camera for every image is such a dataset.
+    /// Number of devices that took training images: the cameras of a COLMAP model, in the order of their ids. It is 1
+    /// if the dataset does not distinguish devices; a COLMAP model with one camera per image does not.
     int num_cameras = 1;
-    std::string split_rule;  ///< how the views were split, in words; written to the results
+    std::string split_rule;  ///< description of the split, in words; written to the results
     PointCloud points;       ///< empty = random initialisation
-    bool has_alpha = false;  ///< images carry alpha
-    /// The half side of the cube for random initialisation, and its centre; 0 = derive both from the cameras (real
+    bool has_alpha = false;  ///< images have an alpha channel
+    /// Half the side of the cube for random initialisation, and its centre; 0 = derive both from the cameras (real
     /// scenes).
     double random_init_half_extent = 0;
     Eigen::Vector3d random_init_center = Eigen::Vector3d::Zero();
     /// E = 1.1 * max distance of a training camera from their mean (docs/math/optimization.md#scene-extent).
     double extent = 1;
     std::vector<std::string> notes;  ///< pre-flight findings: one line each with the finding and its consequence
-    std::vector<std::string> facts;  ///< what was found and is as it should be: one line each
+    std::vector<std::string> facts;  ///< findings that need no action: one line each
 };
 
-/// How a scene is loaded beside a run's options.
+/// Rules for loading a scene, beside the run's options.
 struct LoadRules {
-    std::optional<Frame> frame = {};  ///< frame of a model made before; empty = the scene's own
-    bool scores = false;  ///< test views are to be scored: one that cannot be read is an error instead of left out
+    std::optional<Frame> frame = {};  ///< frame of an existing model; empty = the scene's own
+    bool scores = false;  ///< test views are scored: an unreadable one is an error instead of being left out
 };
 
 /// Loads a COLMAP folder, NeRF-synthetic folder, transforms.json folder/file, or "builtin:NAME". Throws DataError
 /// naming file, field and value, and UsageError for invalid options.
 Scene load_scene(const SceneOptions& options, const LoadRules& rules = {});
 
-/// Returns the scene's name for folders and tables: that of its folder, or what follows "builtin:" (of a file its
-/// stem).
+/// Returns the scene's name for folders and tables: the name of its folder, or the text after "builtin:" (for a file,
+/// its stem).
 std::string scene_name(const std::string& source);
 
 /// Returns the name of the scene's dataset: "builtin", or the name of the folder that contains the scene's folder.
 std::string dataset_name(const std::string& source);
 
-/// Returns the number of views and a hash of their names ("12 9c0f..."): equal for the same views in the same order.
+/// Returns the number of views and a hash of their names ("12 9c0f..."). The text is equal for the same views in the
+/// same order.
 std::string view_digest(const std::vector<View>& views);
 
-/// Removes the training views for which `unusable` is true, and derives again what follows from the others: cameras and
-/// extent. The other arrays of the scene stay.
+/// Removes the training views for which `unusable` is true, and recomputes cameras and extent from the remaining views.
+/// The other arrays of the scene are unchanged.
 void remove_training_views(Scene& scene, const std::vector<bool>& unusable);
 
 /// Returns the mean of the cameras' centres, frame units; 0 without views.
 Eigen::Vector3d mean_camera_center(const std::vector<View>& views);
 
-/// Returns the scene's extent E (docs/math/optimization.md#scene-extent), frame units. Cameras in one place are
-/// guarded: there E comes from the points, and it is never zero.
+/// Returns the scene's extent E (docs/math/optimization.md#scene-extent), frame units. If the cameras are all in one
+/// place, E is computed from the points. It is never zero.
 double camera_extent(const std::vector<View>& views, const PointCloud& points);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The splits that datasets state themselves: lists of names, and folders of images.
+// Reads the splits that datasets define themselves: lists of names, and folders of images.
 #include "lib/scene/split.h"
 
 #include <fmt/format.h>
@@ -17,20 +17,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Returns the index of the name that an entry of a list means; nothing if it means none or several.
+/// Returns the index of the name that an entry of a list matches, or nothing if it matches none or several.
 std::optional<std::size_t> find_index(const NameIndex& index, const std::string& entry) {
     bool ambiguous = false;
     const std::optional<NameIndex::Match> match = index.find(entry, ambiguous);
     return match ? std::optional(match->index) : std::nullopt;
 }
 
-/// The frames that one list of a transforms.json names.
+/// The frames named by one list of a transforms.json.
 struct ListedFrames {
     std::string key;
     const std::optional<std::vector<std::string>>& names;
     std::set<std::size_t> frames = {};
 
-    /// Says why the list is not used, if it names no frame.
+    /// Returns the reason why the list is not used, if it names no frame.
     std::string absence() const {
         if (!names) return "there is no " + key;
         return key + (names->empty() ? " is empty" : " names no frame");
@@ -141,7 +141,7 @@ void apply_test_file(const fs::path& file, SourceScene& scene) {
 
 void apply_folder_split(SourceScene& scene) {
     if (!scene.given_split.empty()) return;
-    // The first folder that differs among the images: their names may all begin with "images/".
+    // Uses the first folder level at which the images differ, because all names may begin with "images/".
     std::vector<fs::path> folders;
     for (const SourceView& view : scene.views) folders.push_back(fs::path(view.name).parent_path());
     std::size_t depth = 0;

@@ -20,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-/// Returns a value as text for a message, shortened.
+/// Returns a value as shortened text for a message.
 std::string shown(const json& value) {
     std::string text = json_text(value);
     return text.size() > 60 ? text.substr(0, 60) + "..." : text;
@@ -53,7 +53,7 @@ class Object {
         return value;
     }
 
-    /// Reads a field of view, returned in radians; `to_radians` is the factor from the file's unit.
+    /// Reads a field of view and returns it in radians. `to_radians` is the factor from the file's unit.
     std::optional<double> angle(const char* key, double to_radians) const {
         const std::optional<double> value = number(key);
         if (!value) return {};
@@ -103,7 +103,7 @@ std::optional<int> size(const Object& object, const char* key) {
     return int(*value);
 }
 
-/// Returns the frame's value, else the file's.
+/// Returns the frame's value, or else the file's value.
 template <class Get> auto inherited(const Object& frame, const Object& file, Get get) {
     auto value = get(frame);
     return value ? value : get(file);
@@ -178,8 +178,8 @@ TransformsIntrinsics read_intrinsics(const Object& frame, const Object& file) {
     return out;
 }
 
-/// Turns a camera-to-world matrix with OpenGL axes into cam_from_world with OpenCV axes. Returns true if it has a
-/// scale.
+/// Converts a camera-to-world matrix with OpenGL axes to cam_from_world with OpenCV axes. Returns true if the matrix
+/// has a scale.
 bool read_pose(const Object& frame, TransformsFrame& out) {
     constexpr const char* kKey = "transform_matrix";
     const json& rows = frame.required(kKey);
@@ -233,8 +233,8 @@ bool read_frame(const Object& frame, const Object& file, TransformsFrame& out) {
     return read_pose(frame, out);
 }
 
-/// Reads a list of frames. Leaves out those that cannot be used, and throws DataError if no other is in the list.
-/// Counts in `scaled` those whose matrix has a scale.
+/// Reads a list of frames. Leaves out unusable frames, and throws DataError if no usable frame remains. Counts in
+/// `scaled` the frames whose matrix has a scale.
 void read_frames(const Object& file, const char* key, std::vector<TransformsFrame>& out, std::size_t& scaled,
                  std::vector<std::string>& notes) {
     const json& frames = file.required(key);
@@ -257,8 +257,8 @@ void read_frames(const Object& file, const char* key, std::vector<TransformsFram
                                 frames.size(), key, first_fault));
 }
 
-/// Puts the words NaN and Infinity, which Python writes though they are no JSON, into quotes. A key that needs a number
-/// then refuses its value by name, instead of the file being refused as a whole.
+/// Quotes the words NaN and Infinity, which Python writes although they are not JSON. The reader of a number then
+/// rejects the value with the name of its key, instead of the whole file being rejected.
 std::string quote_non_numbers(const std::string& text) {
     constexpr std::string_view kWords[] = {"NaN", "-Infinity", "Infinity"};
     if (std::ranges::none_of(kWords, [&](std::string_view word) { return text.find(word) != std::string::npos; }))

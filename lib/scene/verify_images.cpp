@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decodes in parallel and sorts out what failed.
+// Decodes views in parallel and removes or reports the failed ones.
 #include "lib/scene/verify_images.h"
 
 #include <fmt/format.h>
@@ -23,7 +23,7 @@ std::size_t bytes_of_images(const std::vector<View>& views) {
     return bytes;
 }
 
-/// Returns "2 of 40 test images cannot be decoded (first reason; ...)", or nothing if all can.
+/// Returns "2 of 40 test images cannot be decoded (first reason; ...)", or an empty string if all can.
 std::string failures(const char* kind, const std::vector<std::string>& errors) {
     const auto failed = [](const std::string& error) { return !error.empty(); };
     const auto count = std::count_if(errors.begin(), errors.end(), failed);
@@ -32,8 +32,7 @@ std::string failures(const char* kind, const std::vector<std::string>& errors) {
                        *std::find_if(errors.begin(), errors.end(), failed), count > 1 ? "; ..." : "");
 }
 
-/// Returns the largest weight that the mask of a view gives a pixel, 0..1. With MaskMode::kTransparent it is in the
-/// alpha channel.
+/// Returns the largest weight in a view's mask, 0..1. With MaskMode::kTransparent the weights are in the alpha channel.
 float largest_weight(const ViewImage& image) {
     if (image.mask) return float(*std::max_element(image.mask->u8.begin(), image.mask->u8.end())) / 255.0f;
     float largest = 0;
@@ -42,8 +41,8 @@ float largest_weight(const ViewImage& image) {
     return largest;
 }
 
-/// Names the masks by which an image counts little or not at all. `weights` are the largest ones of `views`; nothing
-/// for views without a mask, and for those that cannot be decoded.
+/// Adds notes about masks that give an image little or no weight. `weights` holds the largest weight of each of
+/// `views`, or nothing for views without a mask and for views that cannot be decoded.
 void note_dark_masks(const std::vector<const View*>& views, const std::vector<std::optional<float>>& weights,
                      std::vector<std::string>& notes) {
     constexpr float kDark = 0.5f;  // white is 1

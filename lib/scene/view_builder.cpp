@@ -17,16 +17,18 @@ namespace {
 
 using Eigen::Vector2d;
 
-// Rays steeper than this (84 degrees from the axis) stretch a pinhole image beyond use, so the borders ignore them.
+// The largest tangent of a ray's angle to the axis (84 degrees). Steeper rays would stretch a pinhole image beyond use,
+// so the borders ignore them.
 constexpr double kMaxTangent = 10;
 
-/// Returns whether the model distorts the plane of a pinhole image by a polynomial. Such a lens never sees 180 degrees.
+/// Returns whether the model distorts the plane of a pinhole image by a polynomial. Such a lens never has a field of
+/// view of 180 degrees.
 bool is_radial_polynomial(CameraModel model) {
     return model == CameraModel::kSimpleRadial || model == CameraModel::kRadial || model == CameraModel::kOpenCV ||
            model == CameraModel::kFullOpenCV;
 }
 
-/// Returns the position of a source pixel in the pinhole image of the same intrinsics.
+/// Returns the position of a source pixel in the pinhole image with the same intrinsics.
 std::optional<Vector2d> trace(const LensCamera& lens, double x, double y) {
     const auto ray = unproject(lens, {x, y});
     if (!ray || std::hypot(ray->x(), ray->y()) > kMaxTangent) return {};
@@ -34,7 +36,7 @@ std::optional<Vector2d> trace(const LensCamera& lens, double x, double y) {
 }
 
 /// Returns the size factor of one axis: the distance of the innermost traced borders from the principal point, relative
-/// to that of the original borders. Throws DataError for folded borders.
+/// to the distance of the original borders. Throws DataError for folded borders.
 double axis_scale(double center, int size, double low_max, double high_min, const std::string& where) {
     const double low = center - low_max, high = high_min - center;
     if (!(low > 0 && high > 0))
@@ -44,8 +46,8 @@ double axis_scale(double center, int size, double low_max, double high_min, cons
     return std::clamp(1 / shrink, 0.2, 2.0);
 }
 
-/// Samples all channels bilinearly at a pixel position inside the image; colour is premultiplied by alpha where there
-/// is one.
+/// Samples all channels bilinearly at a pixel position inside the image. Colour is premultiplied by alpha if the image
+/// has an alpha channel.
 void sample(const Image& image, double px, double py, float* out) {
     const double x = std::clamp(px - 0.5, 0.0, image.width - 1.0), y = std::clamp(py - 0.5, 0.0, image.height - 1.0);
     const int x0 = int(x), y0 = int(y), x1 = std::min(x0 + 1, image.width - 1), y1 = std::min(y0 + 1, image.height - 1);
@@ -85,13 +87,13 @@ Image blank(int width, int height, int channels, bool is_float) {
     return image;
 }
 
-// The default width of 3DGS, pixels. Larger photographs cost time there without a visible gain.
+// The default maximum width of 3DGS, pixels. Larger photographs cost time in 3DGS without a visible gain.
 constexpr int kDefaultMaxWidth = 1600;
 
-/// All data that a loader thread needs, held by value.
+/// All data that a loader thread needs, stored by value.
 struct LoadJob {
     SourceView source;
-    Camera pinhole;  ///< after undistortion, before resizing
+    Camera pinhole;  ///< camera after undistortion, before resizing
     int width, height;
     AlphaMode alpha_mode;
     MaskMode mask_mode;
