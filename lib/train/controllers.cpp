@@ -7,7 +7,7 @@
 namespace gs {
 namespace {
 
-/// The seconds of a time limit that finishing and writing the controllers may take.
+/// The part of a time limit reserved for finishing and writing the controllers, in seconds.
 constexpr double kEnd = 0.05;
 
 }  // namespace
