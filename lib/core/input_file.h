@@ -11,8 +11,8 @@
 
 namespace gs {
 
-/// Returns why `path` cannot be read as an input file ("No such file or directory", "it is a named pipe (FIFO), not a
-/// regular file", ...), and an empty string if it can. Never waits for a pipe or a device.
+/// Returns the reason why `path` cannot be read as an input file ("No such file or directory", "it is a named pipe
+/// (FIFO), not a regular file", ...), or an empty string if it can. Never waits for a pipe or a device.
 std::string input_fault(const std::filesystem::path& path);
 
 /// Opens a regular file for reading in binary mode. Logs a debug message if `is_noted`. Throws DataError "PATH: cannot
@@ -37,7 +37,7 @@ bool folder_exists(const std::filesystem::path& path);
 /// Returns the entries of a folder, sorted by name. Throws DataError "PATH: REASON" for a folder that cannot be listed.
 std::vector<std::filesystem::path> list_folder(const std::filesystem::path& folder);
 
-/// Returns the path without links and dots; its last parts need not exist. Throws DataError "PATH: REASON".
+/// Returns the path with links and dots resolved; its last parts need not exist. Throws DataError "PATH: REASON".
 std::filesystem::path canonical_path(const std::filesystem::path& path);
 
 }  // namespace gs

@@ -13,7 +13,7 @@ void ignore_write_signals();
 /// once. SIGHUP stays ignored if the program was started that way (nohup).
 void catch_interrupts();
 
-/// Returns true if a signal arrived since catch_interrupts().
+/// Returns whether a signal arrived since catch_interrupts().
 bool interrupted();
 
 }  // namespace gs

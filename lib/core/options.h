@@ -51,10 +51,10 @@ enum class Scope {
 struct Option {
     std::string key;  ///< kebab-case; the YAML key, and `--key` on the command line
     OptionField field;
-    std::string group = {};                    ///< heading in help, files and docs
+    std::string group = {};                    ///< heading of its group in help, files and docs
     std::string help;                          ///< description, one sentence
-    std::string unit = {};                     ///< empty for pure numbers and words
-    std::optional<double> min = {}, max = {};  ///< limits of numbers, inclusive; of a list, those of each element
+    std::string unit = {};                     ///< unit of the value; empty for pure numbers and words
+    std::optional<double> min = {}, max = {};  ///< inclusive limits of a number, or of each element of a list
     std::string unset_word = {};               ///< for optional values: text of an empty value
     std::string max_word = {};                 ///< for numbers: word for the largest value
     std::vector<std::string> choices = {};     ///< allowed words; empty = see `values`

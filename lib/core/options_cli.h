@@ -27,7 +27,7 @@ class TrainArguments {
   public:
     explicit TrainArguments(CLI::App& app, const std::string& without = "");
     /// Declares only the options of these `keys`, under the heading `group`, with the switches of other programs that
-    /// set them. For `apply`.
+    /// set them. For use with `apply`.
     TrainArguments(CLI::App& app, const std::vector<std::string>& keys, const std::string& group);
     TrainArguments(const TrainArguments&) = delete;
     TrainArguments& operator=(const TrainArguments&) = delete;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the files that belong to the program, wherever it was installed or moved to.
+// Finds the files that belong to the program, regardless of its place of installation.
 #pragma once
 
 #include <filesystem>

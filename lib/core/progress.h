@@ -25,7 +25,7 @@ ProgressStyle progress_style(bool quiet, bool json);
 /// long.
 std::string fitting_line(const std::vector<std::string>& parts, int columns);
 
-/// Shows iteration, loss, number of Gaussians, speed and remaining time.
+/// Shows iteration, loss, number of Gaussians, speed and remaining time of a run.
 ///
 /// The bar goes to stderr, at most ten times a second, and never takes more than one line of the terminal. Plain lines
 /// are messages: one for each finished tenth of the count, or after ten minutes, but none within five seconds of the
@@ -36,7 +36,7 @@ std::string fitting_line(const std::vector<std::string>& parts, int columns);
 class Progress {
   public:
     explicit Progress(ProgressStyle style);
-    /// For tests: other streams, another minimum time between two lines, and a terminal of `columns` characters.
+    /// For tests: other streams, another minimum interval between two lines, and a terminal of `columns` characters.
     Progress(ProgressStyle style, std::ostream& bar, std::ostream& json, double seconds_between_lines,
              int columns = 200);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes the paths of a run absolute, and finds them again.
+// Makes the paths of a run absolute, and restores them after a move.
 #include "lib/core/run_config.h"
 
 #include <fmt/format.h>

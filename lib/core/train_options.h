@@ -32,14 +32,14 @@ struct SceneOptions {
     bool invert_masks = false;
     AlphaMode alpha_mode = AlphaMode::kTransparent;  ///< meaning of alpha in RGBA photographs
     bool ppisp_exif = false;                         ///< whether to read View::exif_exposure
-    Background background;                           ///< black by default
+    Background background;                           ///< background colour; black by default
 };
 
 /// The files and messages of a run, and their times.
 struct OutputOptions {
     std::string model;  ///< output folder; empty = output/<scene>-<appearance>-<n>
     bool overwrite = false;
-    std::string resume;  ///< checkpoint file or "latest"
+    std::string resume;  ///< checkpoint file to resume from, or "latest"
     std::vector<std::int64_t> test_iterations, save_iterations, checkpoint_iterations;
     std::optional<double> checkpoint_minutes = 10;      ///< minutes of training between two checkpoints; empty = none
     std::optional<std::int64_t> preview_every;          ///< iterations between two previews; empty = none
@@ -64,7 +64,7 @@ struct ScheduleOptions {
 
 /// The limits of the model.
 struct LimitOptions {
-    std::int64_t cap_max = 1000000;       ///< Gaussians
+    std::int64_t cap_max = 1000000;       ///< largest number of Gaussians
     std::optional<ByteCount> size_limit;  ///< largest size of the exported file
     SizeOf size_of = SizeOf::kWeb;
     std::optional<Duration> frame_limit;  ///< largest render time at 1280x720 on this device
@@ -88,10 +88,10 @@ struct DeviceOptions {
 /// The appearance model.
 struct AppearanceOptions {
     std::string appearance = "sh";                              ///< name of a model, or "auto" until it is chosen
-    std::optional<double> appearance_share = 1;                 ///< empty = auto
+    std::optional<double> appearance_share = 1;                 ///< share of Gaussians with a residual; empty = auto
     std::optional<double> appearance_bytes;                     ///< mean bytes of appearance per Gaussian; empty: the
                                                                 ///< share decides
-    double auto_tolerance = 0.1;                                ///< dB
+    double auto_tolerance = 0.1;                                ///< PSNR tolerance of automatic choices, dB
     ModelOptionValues model_options = default_model_options();  ///< options that models declare: sh-degree, lobe-lr,
                                                                 ///< ...
     ColorActivation color_activation = ColorActivation::kRelu;
@@ -109,7 +109,7 @@ struct PhotometricOptions {
     double ppisp_lr = 0.002;                            ///< learning rate of the PPISP parameters after the warm-up
 };
 
-/// The first Gaussians.
+/// The initial Gaussians.
 struct StartOptions {
     std::string init;                   ///< .ply file or run folder with the initial Gaussians; empty = points
     std::int64_t init_points = 100000;  ///< number of points; random initialisation only
@@ -129,7 +129,7 @@ struct OptimizerOptions {
     double base_travel = 0;    ///< smallest product of the base colours' rate and the number of iterations
     double short_rates = 0;    ///< exponent of 10000/iterations in the factor that raises rates in shorter runs
     double far_rate = 0;       ///< exponent of the factor that raises the rates of means beyond the scene extent
-    double residual_rate = 1;  ///< factor on the rates of the residual
+    double residual_rate = 1;  ///< factor on the learning rates of the residual
     double final_rate = 1;     ///< share of the rates that remains at the end, except for means
 };
 

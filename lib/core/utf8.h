@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// Returns true for well-formed UTF-8: no overlong forms, surrogates, or code points above U+10FFFF.
+/// Returns whether `text` is well-formed UTF-8: no overlong forms, surrogates, or code points above U+10FFFF.
 bool is_utf8(std::string_view text);
 
 /// Returns the text in Unicode's composed form (NFC), in which "e" with a combining accent is one character. macOS

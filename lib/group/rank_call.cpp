@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Encodes requests and answers, and sends requests. Messages with their sizes in bytes:
 //
-//   answers   "gsapp r1", nonce (32)
-//   asks      size of the body (4), nonce (32), body, proof (32)
-//   answers   status (1), size of the value (4), value, proof (32)
+//   answering rank    "gsapp r1", nonce (32)
+//   requesting rank   size of the body (4), nonce (32), body, proof (32)
+//   answering rank    status (1), size of the value (4), value, proof (32)
 #include "lib/group/rank_call.h"
 
 #include <fmt/format.h>

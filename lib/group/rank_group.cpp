@@ -41,7 +41,7 @@ constexpr const char* kParent = "GSAPP_RANK_PARENT";
 /// The time allowed for ranks to end by themselves.
 constexpr std::chrono::seconds kLastWords(5);
 
-/// Returns the arguments of this process.
+/// Returns the command line of this process.
 std::vector<std::string> own_arguments() {
     std::ifstream file("/proc/self/cmdline", std::ios::binary);
     const std::string all((std::istreambuf_iterator<char>(file)), {});

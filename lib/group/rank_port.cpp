@@ -69,7 +69,7 @@ constexpr double kLongestPause = 3;
 }  // namespace
 
 struct RankPort::Implementation {
-    /// One connection, from the greeting until it is answered.
+    /// One connection, from the greeting to the answer.
     struct Visitor {
         Descriptor socket;
         AnsweringSide side;
@@ -156,7 +156,7 @@ struct RankPort::Implementation {
             if (!socket.is_open()) {
                 if (errno == EINTR || errno == ECONNABORTED) continue;
                 if (errno == EAGAIN || drop_oldest_stranger()) return;
-                std::this_thread::sleep_for(std::chrono::milliseconds(kLookForValue));  // no descriptor is free
+                std::this_thread::sleep_for(std::chrono::milliseconds(kLookForValue));  // no file descriptor is free
                 return;
             }
             visitors.push_back({std::move(socket), AnsweringSide(credentials), now + kAnswerSeconds, "", "", {}, {}});

@@ -24,7 +24,7 @@ void write_cameras_json(const std::filesystem::path& path, const Scene& scene);
 struct ListedView {
     std::string name;
     bool is_test = false;
-    Camera camera;  ///< scene units
+    Camera camera;  ///< camera in scene units
 };
 
 /// Reads the views with which a run began. Returns none if the file is missing or has no splits, like the files of

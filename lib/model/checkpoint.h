@@ -22,14 +22,14 @@ struct TrainingTime {
 
 struct Checkpoint {
     Gaussians state;             ///< parameters, Adam moments (may be absent), Adam step, active degree, appearance
-    std::int64_t iteration = 0;  ///< iterations done
+    std::int64_t iteration = 0;  ///< number of finished iterations
     /// The complete state of the random generator, because random numbers are functions of (seed, iteration).
     std::uint64_t seed = 0;
     std::string options_yaml;  ///< resolved options of the run
     /// The view_digest of the test views, so that a resumed run does not score views on which an earlier part was
     /// trained; empty in files of versions that did not store it
     std::string test_views = {};
-    Frame frame = {};  ///< frame that the Gaussians are in; identity in files of earlier versions
+    Frame frame = {};  ///< frame of the Gaussians; identity in files of earlier versions
     /// The time of the iterations; empty in files of versions that did not store it
     std::optional<TrainingTime> time = {};
     bool automatic = false;  ///< whether written because of the elapsed time, and to be removed once there is a newer
@@ -47,12 +47,11 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
 Frame read_checkpoint_frame(const std::filesystem::path& path);
 std::int64_t read_checkpoint_iteration(const std::filesystem::path& path);
 
-/// Reads a checkpoint bit for bit. Throws DataError naming file, tensor, row or metadata key for a file that is no
+/// Reads a checkpoint bit for bit. Throws DataError naming file, tensor, row or metadata key for a file that is not a
 /// checkpoint, is truncated, disagrees with its appearance model, or holds values that are not finite.
 Checkpoint read_checkpoint(const std::filesystem::path& path);
 
-/// Returns whether the file is a checkpoint that was written automatically. Reads only its header; false for a file
-/// that is none.
+/// Returns whether the file is an automatic checkpoint; false if it is not a checkpoint. Reads only its header.
 bool is_automatic_checkpoint(const std::filesystem::path& path);
 
 }  // namespace gs

@@ -22,7 +22,7 @@ struct InitOptions {
     std::int64_t most_points = 0;  ///< number of points to keep, evenly spaced in the list; 0 = all
 };
 
-/// Returns the initialization options that follow from a run's options.
+/// Returns the initialisation options that follow from a run's options.
 InitOptions init_options(const TrainOptions& options);
 
 /// Returns the finite points of the scene. If it has none, draws grey points uniformly in a cube and keeps those that
@@ -32,8 +32,8 @@ InitOptions init_options(const TrainOptions& options);
 PointCloud initial_points(const Scene& scene, const InitOptions& options);
 
 /// Makes one Gaussian per initial point, in their order, without moments: isotropic scale from the mean squared
-/// distance to the 3 nearest other points, rotation (1,0,0,0), the base colour that shows the point's colour, and the
-/// model's initial residual. Source: docs/math/optimization.md#first-gaussians.
+/// distance to the 3 nearest other points, rotation (1,0,0,0), the base colour that renders as the point's colour, and
+/// the model's initial residual. Source: docs/math/optimization.md#first-gaussians.
 Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appearance, const InitOptions& options);
 
 /// Sets the initial residual of every Gaussian. A residual with a direction begins along the mean direction from the

@@ -89,7 +89,7 @@ void remove_file(const fs::path& path) {
     if (error) throw DataError(fmt::format("cannot remove '{}' of an earlier run: {}", path.string(), error.message()));
 }
 
-/// Removes a folder that has become empty. A folder with other files stays.
+/// Removes a folder if it is empty.
 void remove_if_empty(const fs::path& folder) {
     std::error_code error;
     if (fs::is_empty(folder, error) && !error) fs::remove(folder, error);
@@ -122,7 +122,7 @@ void remove_iterations(const RunFolder& folder, std::int64_t after) {
     for (const char* name : {"point_cloud", "checkpoints", "preview"}) remove_if_empty(folder.root / name);
 }
 
-/// Removes the temporary files that killed runs left in the folders that runs write to.
+/// Removes the temporary files of killed runs from the folders that runs write to.
 void remove_leftovers_of_runs(const RunFolder& folder) {
     std::vector<fs::path> folders = {folder.root};
     for (const char* name : {"point_cloud", "checkpoints", "preview", "stats", "test", "train", "renders"}) {
@@ -152,7 +152,7 @@ std::string quoted(const std::string& text) {
     return out + "'";
 }
 
-/// Returns whether gsapp wrote config.yaml, which then begins with the name of the program.
+/// Returns whether config.yaml was written by gsapp, i.e. begins with the name of the program.
 bool holds_run(const RunFolder& folder) {
     constexpr std::string_view kBeginning = "# gsapp ";
     std::string beginning(kBeginning.size(), '\0');

@@ -20,7 +20,7 @@ class RunLock {
     /// Creates the folder if it is missing, and locks it. Throws UsageError naming folder and process if another run
     /// holds the lock, DataError if the folder cannot be created or written. On a file system without locks only warns.
     explicit RunLock(std::filesystem::path folder);
-    /// Removes the file and releases the lock.
+    /// Removes the lock file and releases the lock.
     ~RunLock();
     RunLock(const RunLock&) = delete;
     RunLock& operator=(const RunLock&) = delete;

@@ -56,7 +56,7 @@ class Checkpoints {
     const RunWriter& writer_;
     const std::int64_t first_iteration_;  ///< iteration at which this process began
     std::optional<Gaussians> kept_;
-    double written_at_;          ///< seconds of training at the last checkpoint
+    double written_at_;          ///< training time at the last checkpoint, in seconds
     bool cost_is_told_ = false;  ///< whether the cost of a timed checkpoint was logged
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs the steps of the controllers until their number or the time is used up.
+// Runs the controllers' steps until their number or the time is used up.
 #include "lib/train/controllers.h"
 
 #include "lib/core/interrupt.h"

@@ -104,7 +104,7 @@ void follow_command(RankGroup& group, const std::string& started_as) {
     group.follow([&] {
         group.agree(started_as);
         follow_backends(group, [](MessageReader& message) -> TargetSource {
-            if (message.at_end()) return {};  // no steps are taken
+            if (message.at_end()) return {};  // the command takes no steps
             std::vector<Image> images(message.get<std::uint64_t>());
             for (Image& image : images)
                 message.get(image.width), message.get(image.height), message.get(image.channels), message.get(image.u8);

@@ -30,8 +30,8 @@ struct StepLine {
     StepRates rates;               ///< learning rates of the last step
 };
 
-/// Writes one line for each event of a training. open() or resume() comes first, begin_final_lines() after the last
-/// checkpoint and close() after the last line. All functions that write throw DataError once the run folder is gone.
+/// Writes one line for each event of a training. Call open() or resume() first, begin_final_lines() after the last
+/// checkpoint, and close() after the last line. All functions that write throw DataError once the run folder is gone.
 class Journal {
   public:
     /// `lock` and `tensorboard` may be null; the latter must outlive the object.
@@ -48,7 +48,7 @@ class Journal {
     /// Ends the log. Throws DataError when lines could not be written to the file.
     void close() { log_->close(); }
 
-    // Events. `iteration` counts from 1: the step that an event belongs to, or the last one before it.
+    // Events. `iteration`, from 1, is the step to which an event belongs, or the last step before it.
     /// Writes any event. `line` must have "event" and "iteration".
     void write(nlohmann::json line);
     void write_step(const StepLine& line, std::int64_t iteration);

@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// The schedules of one run.
+/// The learning rate schedules of one run.
 class LearningRates {
   public:
     LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene);

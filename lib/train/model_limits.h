@@ -24,7 +24,7 @@ class ModelLimits {
 
     /// Returns whether there is a --frame-limit.
     bool limits_frames() const { return frame_limit_ > 0; }
-    /// Returns requests for all training views.
+    /// Returns render requests for all training views.
     std::vector<RenderRequest> views() const;
     /// Returns the mean render time of the first training views, in seconds, with sides `factor` times smaller.
     double view_seconds(Backend& backend, int factor = 1) const;
@@ -58,7 +58,7 @@ class ModelLimits {
     const Scene& scene_;
     const Vec3<float> background_;
     const std::int64_t most_at_end_;
-    const double frame_limit_;  ///< seconds; 0 = none
+    const double frame_limit_;  ///< largest render time of a frame, seconds; 0 = none
     std::int64_t measured_count_ = 0, affordable_ = 0;
 };
 

@@ -80,7 +80,7 @@ class Photometric {
     /// Both arguments must outlive the object.
     Photometric(const TrainOptions& options, const Scene& scene);
 
-    /// Returns the state with which a new run begins; inactive if PPISP is off or not yet decided.
+    /// Returns the PPISP state with which a new run begins; inactive if PPISP is off or not yet decided.
     const PpispState& initial_state() const { return initial_; }
 
     /// Continues a run at `moment`. If PPISP is on but the checkpoint has no PPISP state, PPISP begins at `moment`.

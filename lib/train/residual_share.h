@@ -51,7 +51,7 @@ class ResidualShare {
     std::optional<ResidualChange> at_end(Backend& backend, const StepSource& step_on) const;
 
   private:
-    const double tolerance_;  ///< dB
+    const double tolerance_;  ///< largest loss of PSNR, dB
     const Scene& scene_;
     const std::optional<double> share_;
 };

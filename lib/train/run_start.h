@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Opens the run folder and the checkpoint to continue from, so that errors show before a scene is loaded.
+// Opens the run folder and the checkpoint to continue from, so that errors are reported before a scene is loaded.
 #pragma once
 
 #include <memory>
@@ -14,7 +14,7 @@
 
 namespace gs {
 
-/// A run folder that may be written, and the checkpoint from which the run continues.
+/// A run folder that the run may write to, and the checkpoint from which the run continues.
 struct RunStart {
     RunFolder folder;
     std::optional<Checkpoint> checkpoint;

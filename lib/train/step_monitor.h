@@ -15,7 +15,7 @@ namespace gs {
 /// wait. Also the number of consecutive non-finite losses after which a training does not recover.
 inline constexpr std::int64_t kStatsInterval = 10;
 
-/// Follows losses and gradients, and ends a training whose numbers do not stay finite. All references must outlive the
+/// Monitors losses and gradients, and ends a training whose values do not stay finite. All references must outlive the
 /// object.
 class StepMonitor {
   public:
@@ -30,7 +30,7 @@ class StepMonitor {
         backend.synchronize();
         read(backend);
     }
-    /// Returns the statistics that were read last.
+    /// Returns the most recently read statistics.
     const StepStats& last() const { return last_; }
 
     /// Removes Gaussians with parameters that are not finite or out of range. Throws NumericError if none is left.

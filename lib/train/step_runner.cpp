@@ -81,7 +81,7 @@ std::vector<StepView> StepRunner::next_views(Backend& backend) {
     return views;
 }
 
-/// Returns the end of the iterations for which images are decoded ahead.
+/// Returns the first iteration for which no image is decoded ahead.
 std::int64_t StepRunner::end_of_views() const {
     return options_.ends_by_iterations() ? options_.iterations : std::numeric_limits<std::int64_t>::max();
 }

@@ -23,7 +23,7 @@ struct MeasuredModel {
 /// The next action of a search; its fields apply in this order.
 struct TargetStep {
     bool keep = false;          ///< keep the current model for a later `restore`
-    bool restore = false;       ///< go back to the model that was kept last
+    bool restore = false;       ///< go back to the last kept model
     std::int64_t prune_to = 0;  ///< number of Gaussians to keep, those with the highest scores; 0 = all
     ScheduleSegment segment;    ///< segment to train; no steps: the search has ended
 };
@@ -70,7 +70,7 @@ class TargetSearch {
         bad_;                        ///< the smallest model that reached the target, and the largest of those tried
                                      ///< after it that missed the target
     std::optional<double> halving_;  ///< loss of PSNR from halving the model, dB; empty until measured
-    std::int64_t grown_steps_ = 0;   ///< steps until the target was reached
+    std::int64_t grown_steps_ = 0;   ///< number of steps until the target was reached
     double estimate_ = 0;            ///< TargetOutcome::estimate
     std::string why_;                ///< reason for giving the search up
 };

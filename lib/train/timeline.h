@@ -14,7 +14,7 @@ namespace gs {
 /// iterations, whatever the length of the run: a position is 30,000 times the progress.
 inline constexpr double kReferenceIterations = 30000;
 
-/// The moment before a step.
+/// The state of the schedule before a step.
 struct ScheduleMoment {
     std::int64_t iteration = 0;  ///< number of finished steps
     double position = 0;         ///< position of the next step, 0..30000; in a run of 30,000 iterations equal to
@@ -51,7 +51,7 @@ inline std::int64_t multiples_passed(double before, double now, double interval,
     return std::int64_t(std::floor((now - first) / interval) - std::floor((before - first) / interval));
 }
 
-/// Returns the moment after `iteration` steps of a run of options.iterations.
+/// Returns the moment after `iteration` steps of a run with options.iterations iterations.
 ScheduleMoment moment_at(const ScheduleOptions& options, std::int64_t iteration);
 
 /// Returns the moment of the next step in a run through time. `last` is the moment of the previous step, with iteration

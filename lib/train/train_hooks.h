@@ -24,7 +24,7 @@ struct HeldOutPsnr {
 
 /// The scores of test views.
 struct TestScores {
-    double psnr = 0, ssim = 0;  ///< means; PSNR in dB
+    double psnr = 0, ssim = 0;  ///< means over the views; PSNR in dB
     std::size_t views = 0;
 };
 

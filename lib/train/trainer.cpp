@@ -345,7 +345,7 @@ class Trainer {
         return double(backend_->num_residuals()) / double(count);
     }
 
-    // Each part uses only those above it.
+    // Each member uses only the members above it.
     const TrainOptions& options_;
     const TrainHooks& hooks_;
     Progress& progress_;

@@ -20,7 +20,7 @@ namespace gs {
 /// The result of a training.
 struct TrainSummary {
     std::int64_t iterations = 0;
-    std::int64_t num_gaussians = 0;  ///< after the final pruning; the #Gs of tables
+    std::int64_t num_gaussians = 0;  ///< number of Gaussians after the final pruning; column #Gs of tables
     double residual_share = 1;       ///< share of the Gaussians that have a residual; 1 for a model without residuals
     /// The time of the training loop until the end of its last step, including the parts before a resume, without
     /// loading, saving and evaluation

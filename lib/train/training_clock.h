@@ -24,7 +24,7 @@ class TrainingClock {
         if (earlier) train_seconds_ = earlier->train_seconds;
     }
 
-    /// Runs `fn` and counts its time as training.
+    /// Runs `fn` and counts its time as training time.
     template <class Fn> void count(Fn&& fn) {
         const double start = seconds_now();
         fn();
@@ -39,7 +39,7 @@ class TrainingClock {
 
     /// Returns the training time in seconds, including earlier parts of the run if their times are known.
     double train_seconds() const { return train_seconds_; }
-    /// Returns the part of train_seconds() that was spent waiting for images.
+    /// Returns the part of train_seconds() spent waiting for images.
     double data_wait_seconds() const { return views_.wait_seconds() + (earlier_ ? earlier_->data_wait_seconds : 0); }
     /// Returns whether the times of all parts of the run are known.
     bool knows_all() const { return earlier_.has_value(); }

@@ -136,7 +136,7 @@ class TrainingSchedule {
     void advance_segment(std::int64_t count);
 
     const ScheduleOptions options_;
-    double limit_;  ///< seconds; 0 = none
+    double limit_;  ///< time limit in seconds; 0 = none
     const std::int64_t wanted_steps_;
     double charged_ = 0, used_ = 0;
     std::optional<TimeBudget> budget_;

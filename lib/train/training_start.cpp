@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes the first model of a new run, or continues a checkpoint.
+// Makes the first model of a new run, or continues from a checkpoint.
 #include "lib/train/training_start.h"
 
 #include <algorithm>

@@ -50,7 +50,7 @@ class TrainingViews {
     /// Returns the view of the step at `iteration`, with its image reduced by `factor`, or without its image. Images of
     /// iterations >= `end` are not decoded ahead.
     StepView at(std::int64_t iteration, std::int64_t end, int factor = 1, bool with_image = true);
-    /// Returns an image, and decodes ahead the images that this rank needs from `iteration` on.
+    /// Returns the image `id`, and decodes ahead the images that this rank needs from `iteration` on.
     std::shared_ptr<const ViewImage> image_of_rank(ImageId id, std::int64_t iteration);
 
     /// Returns the number of training views.
@@ -73,7 +73,8 @@ class TrainingViews {
     };
     ImageCache& images_of(int factor);
     void prefetch_ahead(ImageCache& images, std::int64_t iteration, std::int64_t end);
-    /// Returns whether the image of `iteration` is read here, if steps begin at multiples of kLogInterval.
+    /// Returns whether this process reads the image of `iteration`, counting the views of steps from each multiple of
+    /// kLogInterval.
     bool is_read_here(std::int64_t iteration) const {
         return read_here_[std::size_t((iteration % kLogInterval) % std::int64_t(read_here_.size()))];
     }
