@@ -16,8 +16,7 @@ namespace gs {
 struct TrainingTime {
     double train_seconds = 0;      ///< time of the training loop, without loading, saving and evaluation
     double data_wait_seconds = 0;  ///< part of train_seconds spent waiting for images
-    double limited_seconds = 0;    ///< time that counts towards a time limit: all since the first step except
-                                   ///< evaluations
+    double limited_seconds = 0;    ///< time counted by a time limit: all since the first step except evaluations
 };
 
 struct Checkpoint {
@@ -32,8 +31,7 @@ struct Checkpoint {
     Frame frame = {};  ///< frame of the Gaussians; identity in files of earlier versions
     /// The time of the iterations; empty in files of versions that did not store it
     std::optional<TrainingTime> time = {};
-    bool automatic = false;  ///< whether written because of the elapsed time, and to be removed once there is a newer
-                             ///< checkpoint
+    bool automatic = false;  ///< written because of the elapsed time; removed once there is a newer checkpoint
 };
 
 /// Writes the checkpoint atomically and without a second copy in memory: 12 bytes per parameter with moments, 4

@@ -16,8 +16,7 @@ struct InitOptions {
     /// Whether the initial opacity is 0.5 and the scale a tenth of the neighbour distance; otherwise opacity 0.1 and
     /// the full distance.
     bool mcmc = true;
-    std::int64_t random_points = 100000;  ///< number of points drawn if the scene has none; fewer remain after removing
-                                          ///< unseen points
+    std::int64_t random_points = 100000;  ///< number of points drawn if the scene has none; unseen ones are removed
     std::uint64_t seed = 0;
     std::int64_t most_points = 0;  ///< number of points to keep, evenly spaced in the list; 0 = all
 };

@@ -34,8 +34,7 @@ void Checkpoints::write_by_time(Backend& backend) {
         clock_.train_seconds() - written_at_ < 60 * *options_.checkpoint_minutes ||
         lists(options_.checkpoint_iterations, iteration))
         return;
-    written_at_ = clock_.train_seconds();  // also after a failure: the next attempt waits as long as the next
-                                           // checkpoint
+    written_at_ = clock_.train_seconds();  // also after a failure, so that the next attempt waits as long
     writer_.check_folder();
     const double start = seconds_now();
     try {

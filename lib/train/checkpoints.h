@@ -24,17 +24,17 @@ class Checkpoints {
 
     /// Writes a checkpoint of the current iteration. Throws DataError.
     void write(Backend& backend);
-    /// Writes a checkpoint if options.checkpoint_minutes of training have passed since the last checkpoint. The time
-    /// must not change the course of the training. So a checkpoint is written only right after the scan for non-finite
-    /// parameters: the scan brings all rows on the device up to date, as reading them would. A failure to write is only
-    /// a warning.
+    /// Writes a checkpoint if options.checkpoint_minutes of training have passed since the last checkpoint. Its timing
+    /// must not change the course of the training, so the checkpoint is written only right after the scan for
+    /// non-finite parameters: the scan brings all rows on the device up to date, as reading them would. A failure to
+    /// write is only a warning.
     void write_by_time(Backend& backend);
     /// Writes a checkpoint and the point cloud. Returns the error message, which is also logged as a warning; empty on
     /// success.
     std::string write_with_points(Backend& backend);
-    /// Saves the model after an error, in its state after the last finished step. Does nothing unless this process
-    /// finished a step and the model can still be read from the device. Up to three steps that a failed device had not
-    /// finished are missing. Returns the text to append to the error message.
+    /// Saves the model after an error, in its state after the last finished step. Saves nothing if this process
+    /// finished no step or the model cannot be read from the device any more. Up to three steps that a failed device
+    /// had not finished are missing. Returns the text to append to the error message.
     std::string rescue(Backend& backend);
 
     /// Stores `model` instead of the current model in all later checkpoints; empty: the current model again. The search

@@ -45,7 +45,7 @@ class Journal {
     /// Marks all further lines as "final". They come after the last checkpoint, so a run resumed from it writes them
     /// again.
     void begin_final_lines() { lines_are_final_ = true; }
-    /// Ends the log. Throws DataError when lines could not be written to the file.
+    /// Ends the log. Throws DataError if lines could not be written to the file.
     void close() { log_->close(); }
 
     // Events. `iteration`, from 1, is the step to which an event belongs, or the last step before it.

@@ -17,7 +17,7 @@ namespace gs {
 inline constexpr double kResidualStages[] = {15000, 18000, 21000, 25000};
 
 /// The largest share of Gaussians that keeps a residual if the tolerance decides: less than 40 % of the bytes of sh or
-/// sv for all. The immediate loss says little about the final loss (docs/math/residuals.md#on-a-gpu).
+/// sv for all. The immediate loss hardly predicts the final loss (docs/math/residuals.md#on-a-gpu).
 inline constexpr double kMostAutoShare = 0.35;
 
 /// Returns the share of Gaussians with a residual that options.appearance_bytes or appearance_share sets, 1 for a model

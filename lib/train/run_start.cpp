@@ -50,9 +50,7 @@ void require_same_training_views(const Checkpoint& checkpoint, const TrainOption
 }  // namespace
 
 void require_free_folder(const TrainOptions& options) {
-    if (RunLock::is_held(options.model))
-        const RunLock refused(options.model);  // throws, naming the process that
-                                               // writes there
+    if (RunLock::is_held(options.model)) const RunLock refused(options.model);  // throws and names the process
     std::optional<std::int64_t> iteration;
     if (!options.resume.empty()) iteration = read_checkpoint_iteration(resumed_file(options));
     require_free_run_folder({options.model}, options.overwrite, iteration);
