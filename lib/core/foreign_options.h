@@ -22,8 +22,7 @@ struct ForeignOption {
     std::string name;  ///< name as that program spells it
     ForeignUse use = ForeignUse::kSynonym;
     std::string key = {};         ///< kSynonym, kSets: key of the option of gsapp
-    std::string value = {};       ///< kSets: the value of `key`; kIgnored, kMissing: the value that has no effect in
-                                  ///< the other program
+    std::string value = {};       ///< kSets: value of `key`; kIgnored, kMissing: value without effect
     std::string note = {};        ///< explanation for the user; empty = none
     std::string short_name = {};  ///< short spelling, such as "-d"
     bool is_switch = false;       ///< kIgnored, kMissing: whether it takes no value

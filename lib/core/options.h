@@ -64,8 +64,7 @@ struct Option {
     bool is_basic = false;                     ///< shown in the help that fits one screen
     bool is_path = false;                      ///< value is a file or folder of the user
     Scope scope = Scope::kExperiment;
-    std::string measured = {};  ///< measured effect, for docs/options.md; required for every option of scope
-                                ///< kExperiment
+    std::string measured = {};  ///< measured effect, for docs/options.md; required with kExperiment
     std::string frontier = {};  ///< value that recipe frontier uses instead of the default; empty = the default
 };
 

@@ -23,8 +23,7 @@ inline constexpr const char* kAutoAppearance = "auto";
 struct SceneOptions {
     std::string source;  ///< scene folder, file, or builtin:NAME
     std::string images = "images";
-    std::optional<int> resolution;  ///< 1,2,4,8: divisor; larger: width in px; empty: width at most 1600 px, with a
-                                    ///< message if reduced
+    std::optional<int> resolution;  ///< 1,2,4,8: divisor; larger: width in px; empty: width <= 1600 px, with a note
     bool eval = false;              ///< whether to hold out test views
     int test_every = 8;             ///< every n-th view of the name-sorted list is a test view; 0 = none
     std::string test_list;          ///< file with one image name per line; overrides test_every
@@ -89,11 +88,9 @@ struct DeviceOptions {
 struct AppearanceOptions {
     std::string appearance = "sh";                              ///< name of a model, or "auto" until it is chosen
     std::optional<double> appearance_share = 1;                 ///< share of Gaussians with a residual; empty = auto
-    std::optional<double> appearance_bytes;                     ///< mean bytes of appearance per Gaussian; empty: the
-                                                                ///< share decides
+    std::optional<double> appearance_bytes;                     ///< mean appearance bytes per Gaussian; empty: by share
     double auto_tolerance = 0.1;                                ///< PSNR tolerance of automatic choices, dB
-    ModelOptionValues model_options = default_model_options();  ///< options that models declare: sh-degree, lobe-lr,
-                                                                ///< ...
+    ModelOptionValues model_options = default_model_options();  ///< options of models: sh-degree, lobe-lr, ...
     ColorActivation color_activation = ColorActivation::kRelu;
 
     /// Returns whether Gaussians may lose their residual, which holds for a share between 0 and 1, for auto, and for a
@@ -136,8 +133,7 @@ struct OptimizerOptions {
 /// The changes of the set of Gaussians.
 struct DensificationOptions {
     Strategy strategy = Strategy::kMcmc;
-    bool speedy_splat = false;                                          ///< with adc: whether to prune by score as in
-                                                                        ///< Speedy-Splat
+    bool speedy_splat = false;                                          ///< ADC only: prunes by Speedy-Splat's scores
     std::optional<std::int64_t> densify_from_iter, densify_until_iter;  ///< empty = by schedule
     std::optional<std::int64_t> densification_interval;                 ///< empty = by schedule
     double densify_grad_threshold = 0.0002;

@@ -14,8 +14,7 @@ namespace gs {
 
 struct PlyOptions {
     std::int64_t iteration = 0;           ///< iteration stated in the first comment
-    std::string render_mode = "default";  ///< value of the comment SplatRenderMode: "default", or "mip" for an
-                                          ///< antialiased model whose dilation is 0.3
+    std::string render_mode = "default";  ///< "default", or "mip" for an antialiased model with dilation 0.3
     std::string note = {};                ///< an additional comment line, if any
     Frame frame = {};                     ///< frame of the Gaussians; the file has scene coordinates
 };

@@ -16,8 +16,8 @@ namespace gs {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-/// The smallest log scale in files for viewers (docs/formats.md#scenengsplat), far below a pixel in a frame of usual
-/// size.
+/// The smallest log scale in files for viewers (docs/formats.md#scenengsplat), smaller than any pixel in a frame of
+/// usual size.
 constexpr float kLeastLogScale = -12;
 
 }  // namespace

@@ -34,8 +34,7 @@ struct TargetOutcome {
     double standard_error = 0;  ///< standard error of `psnr`, dB
     std::int64_t count = 0;     ///< number of Gaussians of the final model
     double psnr = 0;            ///< mean PSNR of the held-out views with the final model, dB
-    double estimate = 0;        ///< estimated PSNR after all allowed steps if the search stopped because it is too low,
-                                ///< dB; else 0
+    double estimate = 0;        ///< estimated PSNR after all allowed steps, dB, if too low to continue; else 0
     std::int64_t measurements = 0;
     std::string verdict = {};  ///< outcome as a sentence for the log
 };
@@ -67,8 +66,7 @@ class TargetSearch {
     const std::int64_t most_steps_, first_steps_, cap_;
     std::vector<MeasuredModel> tries_;
     std::optional<MeasuredModel> good_,
-        bad_;                        ///< the smallest model that reached the target, and the largest of those tried
-                                     ///< after it that missed the target
+        bad_;                        ///< smallest model that reached the target; largest later one that missed it
     std::optional<double> halving_;  ///< loss of PSNR from halving the model, dB; empty until measured
     std::int64_t grown_steps_ = 0;   ///< number of steps until the target was reached
     double estimate_ = 0;            ///< TargetOutcome::estimate

@@ -17,8 +17,7 @@ inline constexpr double kReferenceIterations = 30000;
 /// The state of the schedule before a step.
 struct ScheduleMoment {
     std::int64_t iteration = 0;  ///< number of finished steps
-    double position = 0;         ///< position of the next step, 0..30000; in a run of 30,000 iterations equal to
-                                 ///< `iteration`
+    double position = 0;         ///< position of the next step, 0..30000; equals `iteration` in a run of 30,000
     double before = -1;          ///< position of the previous step; -1 before the first step
     double pace = 1;             ///< mean number of positions per step
 

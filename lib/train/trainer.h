@@ -32,8 +32,7 @@ struct TrainSummary {
     std::int64_t controller_iterations = 0;
     double saving_seconds = 0;   ///< time of final pruning and saving
     double frame_seconds = 0;    ///< render time of the final model at 1280x720, if options.frame_limit is set; else 0
-    double limited_seconds = 0;  ///< time that counts towards a time limit, from the first step to the end of saving; 0
-                                 ///< without a limit
+    double limited_seconds = 0;  ///< time counted by a time limit: first step to end of saving; 0 without a limit
     std::optional<TargetOutcome> target = {};  ///< result of the search, if options.target_psnr is set
     /// The decision of --ppisp auto, with its measured value; empty if nothing was decided
     std::string photometric;
