@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Backgrounds from text, and to text.
+// Parses and formats backgrounds.
 #include "lib/core/background.h"
 
 #include <fmt/format.h>

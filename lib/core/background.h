@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The colour behind the scene, as options and files name it.
+// The background colour behind the scene, and its text in options and files.
 #pragma once
 
 #include <optional>
@@ -12,22 +12,22 @@ namespace gs {
 struct Background {
     enum class Kind { kFixed, kRandom };
     Kind kind = Kind::kFixed;    ///< kRandom: training draws a new colour in every iteration
-    Vec3<float> color{0, 0, 0};  ///< in [0,1]; black where random, because evaluation needs one fixed colour
+    Vec3<float> color{0, 0, 0};  ///< RGB in [0,1]; black if random, because evaluation needs one fixed colour
 
     static Background white() { return {.color = {1, 1, 1}}; }
 
     bool random() const { return kind == Kind::kRandom; }
-    /// Whether every iteration has this one colour.
+    /// Returns whether every iteration has this colour.
     bool always(float r, float g, float b) const { return !random() && color.x == r && color.y == g && color.z == b; }
 };
 
-/// What parse_background reads, in words.
+/// The values that parse_background accepts, in words.
 inline constexpr const char* kBackgroundValues = "black, white, random, or R,G,B with numbers in 0..1";
 
-/// Reads "black", "white", "random" or "R,G,B" with numbers in [0,1]; empty for any other text.
+/// Parses "black", "white", "random" or "R,G,B" with numbers in [0,1]. Returns nothing for any other text.
 std::optional<Background> parse_background(const std::string& text);
 
-/// The shortest text that parse_background reads back to the same background.
+/// Returns the shortest text from which parse_background restores the same background.
 std::string background_text(const Background& background);
 
 }  // namespace gs

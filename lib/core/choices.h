@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The closed choices among the options: one enum each, and one table of words for command line, files and messages.
+// The options with a fixed set of values: one enum each, and one table of words for command line, files and messages.
 #pragma once
 
 #include <array>
@@ -14,38 +14,40 @@
 
 namespace gs {
 
-/// How the number of Gaussians changes.
+/// The strategy by which the number of Gaussians changes.
 enum class Strategy { kMcmc, kAdc, kNone };
-/// Which Gaussians MCMC copies where the model grows; kOpacity: opaque ones, kGradient: those among them whose colour
-/// has large gradients.
+/// The Gaussians that MCMC copies when the model grows; kOpacity: opaque Gaussians, kGradient: opaque Gaussians with
+/// large colour gradients.
 enum class GrowthBy { kOpacity, kGradient };
-/// What the schedules of a run follow; kProgress: its length, kFixed: the iterations of a run of 30,000.
+/// The scale of a run's schedules; kProgress: relative to the length of the run, kFixed: the iterations of a run of
+/// 30,000.
 enum class ScheduleKind { kProgress, kFixed };
-/// How a scene is trained; kPaper: by the paper's protocol, kFrontier: for the most quality in little time, kAuto: the
-/// latter if a constraint or a preset asks for it.
+/// The training recipe; kPaper: the paper's protocol, kFrontier: the best quality in little time, kAuto: kFrontier with
+/// a constraint or a preset, else kPaper.
 enum class Recipe { kAuto, kPaper, kFrontier };
-/// Documented points between speed and quality.
+/// Documented trade-offs between speed and quality.
 enum class Preset { kNone, kFast, kBalanced, kBest };
-/// The file that a size limit is for: the scene of a web export, the PLY, the .splat file.
+/// The file to which a size limit applies: the scene of a web export, the PLY or the .splat file.
 enum class SizeOf { kWeb, kPly, kSplat };
-/// Where the model is trained; kAuto: on the GPU if there is one.
+/// The device that trains the model; kAuto: the GPU if there is one, else the CPU.
 enum class Device { kAuto, kCpu, kCuda };
-/// Whether the photometric correction is learned; kAuto: where images turn out to differ.
+/// Whether the photometric correction is learned; kAuto: if the images are measured to differ.
 enum class PpispMode { kOff, kOn, kAuto };
-/// Whether all images are decoded before the training; kAuto: unless there are very many.
+/// Whether all images are decoded once before the training; kAuto: unless there are very many images.
 enum class VerifyImages { kAuto, kOn, kOff };
-/// What masks mean; kIgnore: weights of the loss, kTransparent: the target composited on the background.
+/// The meaning of masks; kIgnore: weights of the loss, kTransparent: opacity of the target over the background.
 enum class MaskMode { kIgnore, kTransparent };
-/// What the alpha channel of photographs means; kMask: weights of the loss.
+/// The meaning of the photographs' alpha channel; kTransparent: opacity over the background, kMask: weights of the
+/// loss.
 enum class AlphaMode { kTransparent, kMask };
-/// The precision in which frames read the residual of the appearance.
+/// The precision of the appearance residual when rendering.
 enum class AppearanceStorage { kFp32, kFp16 };
-/// The precision of Adam's moments of the residual.
+/// The precision of Adam's moments for the residual.
 enum class AppearanceMoments { kFp32, kBf16 };
-/// The Gaussians that take a step of the optimizer; kVisible: those that its view shows.
+/// The Gaussians that a step of the optimizer updates; kVisible: only those visible in the step's view.
 enum class Movers { kAll, kVisible };
 
-/// The words of an enum's values, in the order of the values; empty for types that are no choice.
+/// The words of an enum's values, in the order of the values; empty for types other than choices.
 template <class T> inline constexpr std::array<std::string_view, 0> kWordsOf = {};
 template <> inline constexpr auto kWordsOf<Strategy> = std::to_array<std::string_view>({"mcmc", "adc", "none"});
 template <> inline constexpr auto kWordsOf<GrowthBy> = std::to_array<std::string_view>({"opacity", "gradient"});
@@ -71,20 +73,20 @@ template <class T>
 concept Choice = std::is_enum_v<T> && kWordsOf<T>
 .size() > 0;
 
-/// The word of a value.
+/// Returns the word of a value.
 template <Choice T> constexpr std::string word(T value) { return std::string(kWordsOf<T>[std::size_t(value)]); }
 
-/// All words, in the order of the values.
+/// Returns all words, in the order of the values.
 template <Choice T> std::vector<std::string> words() { return {kWordsOf<T>.begin(), kWordsOf<T>.end()}; }
 
-/// The value of a word; empty if there is no such word.
+/// Returns the value of a word; nothing if there is no such word.
 template <Choice T> constexpr std::optional<T> choice_of(std::string_view text) {
     for (std::size_t i = 0; i < kWordsOf<T>.size(); ++i)
         if (kWordsOf<T>[i] == text) return T(int(i));
     return std::nullopt;
 }
 
-/// Prints the word, in messages of tests too.
+/// Prints the word, also in messages of tests.
 template <Choice T> std::ostream& operator<<(std::ostream& out, T value) { return out << word(value); }
 
 }  // namespace gs

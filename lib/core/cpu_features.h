@@ -10,8 +10,8 @@ namespace gs {
 inline constexpr const char* kCpuFeatures[] = {"avx",     "avx2",     "fma",      "bmi2",
                                                "avx512f", "avx512vl", "avx512bw", "avx512dq"};
 
-/// Bit i is set if the compiler was allowed to use kCpuFeatures[i]. It is a constant in memory and can be read before
-/// anything is initialised.
+/// Bit set of the instruction sets of the build: bit i is set if the compiler was allowed to use kCpuFeatures[i]. The
+/// constant needs no dynamic initialisation, so it can be read at any time.
 extern const unsigned kBuiltCpuFeatures;
 
 /// Returns GSAPP_CPU_ARCH, the -march of the build ("native", "x86-64-v3").

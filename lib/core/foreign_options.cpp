@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of other programs' options, and the page about it.
+// The table of other programs' options, and its documentation page.
 #include "lib/core/foreign_options.h"
 
 #include <fmt/format.h>
@@ -25,7 +25,8 @@ ForeignOption synonym(std::string name, std::string key, std::string note = {}) 
 ForeignOption sets(std::string name, std::string key, std::string value, std::string note = {}) {
     return {std::move(name), ForeignUse::kSets, std::move(key), std::move(value), std::move(note)};
 }
-/// An option with a value that is ignored, or missing if `use` says so. `harmless` is the value that asks for nothing.
+/// Makes an option with a value that is ignored or missing, by `use`. `harmless` is the value without effect in the
+/// other program.
 ForeignOption without(ForeignUse use, std::string name, std::string note, std::string harmless = {}) {
     return {.name = std::move(name), .use = use, .value = std::move(harmless), .note = std::move(note)};
 }
@@ -49,7 +50,7 @@ ForeignOption with_short(ForeignOption option, std::string short_name) {
     return option;
 }
 
-// What several programs ask for.
+// Notes on features of several programs.
 constexpr const char* kNoFilter = "pictures are drawn without an antialiasing filter";
 constexpr const char* kNoServer = "there is no server for a viewer; --view shows the training in a browser";
 constexpr const char* kNoViewer = "no viewer is opened unless --view asks for it";
@@ -284,7 +285,7 @@ ForeignProgram lichtfeld() {
             {synonym("--data-path", "source"), synonym("--output-path", "model"), synonym("--max-cap", "cap-max")}};
 }
 
-/// Words by which ns-train says of which kind a scene is. Here its files say so.
+/// The words with which ns-train names the kind of a scene, which gsapp detects from the scene's files.
 const std::set<std::string> kDataParsers = {"colmap", "nerfstudio-data", "blender-data", "instant-ngp-data"};
 
 std::string counterpart(const ForeignOption& option) {
@@ -327,10 +328,10 @@ std::vector<std::string> with_foreign_command(std::vector<std::string> words) {
     const auto& commands = foreign_commands();
     const auto command =
         std::find_if(commands.begin(), commands.end(), [&](const ForeignCommand& c) { return c.word == words[1]; });
-    std::error_code error;  // a scene of this name is meant as one
+    std::error_code error;  // an existing path of this name is a scene
     if (command == commands.end() || std::filesystem::exists(words[1], error)) return words;
     words.insert(words.begin() + 1, kForeignCommandFlag);
-    // ns-train names the kind of a scene by a word of its own, behind the options of the model.
+    // ns-train names the kind of a scene by a separate word after the options of the model.
     for (std::size_t i = words.size() - 1; i > 2; --i)
         if (kDataParsers.contains(words[i]) &&
             (!words[i - 1].starts_with("--") || words[i - 1].find('=') != std::string::npos))

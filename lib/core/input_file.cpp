@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looks at a file before it is opened.
+// Checks and reads files.
 #include "lib/core/input_file.h"
 
 #include <fcntl.h>
@@ -56,7 +56,7 @@ struct OpenFile {
 std::string input_fault(const fs::path& path) {
     std::error_code error;
     const fs::file_status status = fs::status(path, error);
-    // `status` reports a missing file as an error, too.
+    // status() also reports a missing file as an error.
     if (error) return error.message();
     if (!fs::is_regular_file(status)) return fmt::format("it is {}, not a regular file", kind_word(status.type()));
     const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
@@ -79,7 +79,7 @@ std::string read_input(const fs::path& path) {
     log_debug("reading {}", path.string());
     struct stat status = {};
     if (::fstat(file.fd, &status) != 0) fail(path, fmt::format("cannot be read: {}", std::strerror(errno)));
-    // Read until the file ends, because its stated size may be another one: it is 0 for all files of /proc.
+    // Reads to the end of the file, because the stated size may be wrong: it is 0 for all files of /proc.
     const std::size_t stated = std::size_t(status.st_size);
     std::string data(stated + 1, '\0');
     std::size_t have = 0;

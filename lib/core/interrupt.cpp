@@ -11,7 +11,7 @@ volatile std::sig_atomic_t signal_arrived = 0, catches_hangup = 0;
 
 extern "C" void on_signal(int) {
     signal_arrived = 1;
-    // Restores the default action, because a second signal means that the user does not want to wait for a checkpoint.
+    // Restores the default action: after a second signal the user does not want to wait for a checkpoint.
     std::signal(SIGINT, SIG_DFL);
     std::signal(SIGTERM, SIG_DFL);
     if (catches_hangup) std::signal(SIGHUP, SIG_DFL);

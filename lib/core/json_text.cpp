@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one place where the parser and the writer of JSON are instantiated.
+// Instantiates the JSON library's parser and writer.
 #include "lib/core/json_text.h"
 
 #include <fmt/format.h>
@@ -16,8 +16,8 @@
 namespace gs {
 namespace {
 
-// The library takes and gives UTF-8 alone. On their way through it, bytes that are none are marked: by a NUL, which no
-// name of a file holds, and two hexadecimal digits. Where there are such marks, a NUL itself is marked as 00.
+// The library accepts and returns only UTF-8. Other bytes pass through it as marks: a NUL, which no file name contains,
+// and two hexadecimal digits. In a text with marks, a NUL itself is marked as 00.
 
 std::string with_marks(std::string_view bytes) {
     std::string out;
@@ -32,7 +32,7 @@ std::string with_marks(std::string_view bytes) {
     return out;
 }
 
-/// Returns the number of `digits` hexadecimal digits at `at`; nothing if there are none.
+/// Returns the value of the `digits` hexadecimal digits at `at`; nothing if there are fewer.
 std::optional<unsigned> hexadecimal(std::string_view text, std::size_t at, std::size_t digits) {
     unsigned value = 0;
     if (at + digits > text.size()) return std::nullopt;
@@ -64,12 +64,12 @@ template <class Json, class Change> Json with_strings(const Json& json, const Ch
 
 constexpr std::size_t kEscape = 6;  // "\u0000"
 
-/// Returns the code unit of an escape \uXXXX at `at`; nothing if another character or escape stands there.
+/// Returns the code unit of an escape \uXXXX at `at`; nothing for another character or escape.
 std::optional<unsigned> escaped_unit(std::string_view json, std::size_t at) {
     return json.substr(at, 2) == "\\u" ? hexadecimal(json, at + 2, 4) : std::nullopt;
 }
 
-/// Returns a JSON text with the escapes \udcNN for marks.
+/// Returns the JSON text with marks replaced by the escapes \udcNN.
 std::string escapes_of_marks(std::string_view json) {
     std::string out;
     for (std::size_t at = 0; at < json.size();) {
@@ -86,7 +86,7 @@ std::string escapes_of_marks(std::string_view json) {
     return out;
 }
 
-/// Returns a JSON text with marks for the escapes \udcNN that are no part of a pair; nothing if it has none.
+/// Returns the JSON text with unpaired escapes \udcNN replaced by marks; nothing if there are none.
 std::optional<std::string> marks_of_escapes(std::string_view json) {
     std::string out;
     bool any = false;
@@ -115,16 +115,17 @@ template <class Json> std::string text_of(const Json& json, int indent) {
     }
 }
 
-/// What is valid JSON but not taken. It is caught where the library's own errors are.
+/// The error for valid JSON that is not accepted. It is caught together with the library's own errors.
 struct JsonFault : nlohmann::json::exception {
     explicit JsonFault(const std::string& what) : exception(0, what.c_str()) {}
 };
 
-// The library writes and copies values by recursion: a deep one would exhaust the stack. No file nests ten levels.
+// The largest depth of nesting. The library writes and copies values by recursion, so a deeply nested value would
+// exhaust the stack. No file nests ten levels.
 constexpr int kMaxDepth = 100;
 
-/// Walks through a text before it becomes a value. It knows the library's callbacks by their names. (A filter given to
-/// the parser itself would take a time that grows with the square of a list's length.)
+/// Checks a text before it is parsed to a value. Its members are the library's SAX callbacks. (A filter in the parser
+/// itself would take quadratic time in the length of a list.)
 class Walk {
   public:
     bool start_object(std::size_t) {
@@ -154,7 +155,7 @@ class Walk {
     bool binary(nlohmann::json::binary_t&) { return true; }
     bool parse_error(std::size_t, const std::string&, const nlohmann::json::exception&) { return false; }
 
-    /// What is wrong with the text although it is JSON; empty if nothing is.
+    /// Returns the reason to reject a text that is JSON; empty if there is none.
     const std::string& fault() const { return fault_; }
 
   private:
@@ -167,7 +168,7 @@ class Walk {
     }
 
     int depth_ = 0;
-    std::vector<std::set<std::string>> keys_;  ///< of the objects that are open
+    std::vector<std::set<std::string>> keys_;  ///< keys of the open objects
     std::string fault_;
 };
 
@@ -176,7 +177,7 @@ template <class Json> Json parsed(const std::string& text, bool comments) {
         if (const auto marked = marks_of_escapes(text))
             return with_strings(parsed<Json>(*marked, comments), without_marks);
     Walk walk;
-    // What is no JSON is left to the parser below, which says where.
+    // Invalid JSON is left to the parser below, which reports the place.
     nlohmann::json::sax_parse(text, &walk, nlohmann::json::input_format_t::json, true, comments);
     if (!walk.fault().empty()) throw JsonFault(walk.fault());
     return Json::parse(text, nullptr, true, comments);

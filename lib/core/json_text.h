@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// JSON to text and back. The library's parser and writer are templates; they are compiled here once.
+// Conversion of JSON to text and back. The JSON library's parser and writer are templates; they are compiled only once,
+// here.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -7,19 +8,18 @@
 
 namespace gs {
 
-/// Returns the text of `json`: on one line, or with `indent` spaces a level. A byte 0xNN of a name that is not UTF-8
-/// becomes the escape \udcNN, as Python writes it (surrogateescape). The functions below make it that byte again.
+/// Returns the text of `json` on one line, or with `indent` spaces per level. A byte 0xNN that is not UTF-8, e.g. in a
+/// file name, becomes the escape \udcNN, as in Python (surrogateescape). The functions below restore the byte.
 std::string json_text(const nlohmann::json& json, int indent = -1);
 std::string json_text(const nlohmann::ordered_json& json, int indent = -1);
 
-/// Parses one JSON value, with comments (// and /* */) if these are allowed. Throws nlohmann::json::exception for what
-/// is not JSON, is nested too deep, or names a key twice in one object.
+/// Parses one JSON value. `comments` allows comments (// and /* */). Throws nlohmann::json::exception if the text is
+/// not JSON, is nested too deeply, or repeats a key within one object.
 nlohmann::json parse_json(const std::string& text, bool comments = false);
 
-/// Parses one JSON value without comments; the result is_discarded() if the text is none, or
-/// such a one as `parse_json` does not take.
+/// Parses one JSON value without comments. For a text that `parse_json` rejects, the result is_discarded().
 nlohmann::json try_parse_json(const std::string& text);
-/// The same, and the keys keep their order.
+/// The same with the keys in their original order.
 nlohmann::ordered_json try_parse_ordered_json(const std::string& text);
 
 }  // namespace gs

@@ -29,7 +29,7 @@ spdlog::level::level_enum level_of(LogLevel level) {
 
 void setup_log(LogLevel level) {
     auto sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
-    // On a terminal a message first erases the progress line; the bar is drawn again below it.
+    // On a terminal a message first erases the progress line; the bar is then redrawn below the message.
     sink->set_pattern(::isatty(STDERR_FILENO) != 0 ? "\r\033[K%^%l%$: %v" : "%l: %v");
     if (const char* no_color = std::getenv("NO_COLOR"); no_color && *no_color)  // https://no-color.org
         sink->set_color_mode(spdlog::color_mode::never);
@@ -38,7 +38,7 @@ void setup_log(LogLevel level) {
     sink->set_level(shown);
     logger->set_level(shown);
     logger->flush_on(spdlog::level::info);
-    // The log file may become impossible to write, by a full disk, say. That is no reason to end a run.
+    // Writing the log file may fail, e.g. on a full disk, which must not end a run.
     logger->set_error_handler([](const std::string& reason) {
         static std::atomic<bool> said = false;
         if (!said.exchange(true)) fmt::print(stderr, "warning: {}; messages may be missing there\n", reason);

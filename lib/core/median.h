@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// Returns the median, the larger of the two middle values for an even number. `values` must not be empty.
+/// Returns the median; of an even number of values the larger of the two middle ones. `values` must not be empty.
 inline double median(std::vector<double> values) {
     const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());

@@ -38,7 +38,7 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 
 std::string nearest_key(const std::string& key, const std::vector<std::string>& candidates) {
     std::string best;
-    // A third of the letters may be wrong. What shares less with every candidate is none of them misspelt.
+    // Up to a third of the letters may be wrong. A key with more errors is not taken for a misspelt candidate.
     const std::string wanted = folded(key);
     std::size_t best_distance = std::max<std::size_t>(1, wanted.size() / 3) + 1;
     for (const std::string& candidate : candidates) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values of options: from text, to text, and checked.
+// Parses, formats and checks the values of options.
 #include "lib/core/options.h"
 
 #include <algorithm>
@@ -74,7 +74,7 @@ template <class T> void parse_into(T& field, const std::string& text, const std:
         field = parse_number<T>(text, where);
 }
 
-/// Doubles in their shortest exact form.
+/// Formats doubles in their shortest exact form.
 template <class T> std::string number_text(T value) { return fmt::format("{}", value); }
 
 template <class T> void check_number(const Option& option, T value) {
@@ -112,21 +112,20 @@ void check_value(const Option& option, const TrainOptions& options) {
 }
 
 void check_resolution(int r) {
-    // A width of 3 px is a mistyped divisor, not a wish.
+    // A width of 3 px is a mistyped divisor, not an intended width.
     if (r == 0 || r == 3 || (r > 4 && r < 8) || (r > 8 && r < 16)) {
         throw UsageError(fmt::format(
             "option resolution: {} is neither -1, a divisor (1, 2, 4, 8) nor a width in pixels (16 and more)", r));
     }
 }
 
-/// The shortest time limit, seconds: a few steps and a small file.
+/// The shortest time limit in seconds: enough for a few steps and a small file.
 constexpr double kShortestTime = 0.15;
 
-/// final-rate of runs in which Gaussians lose their residuals.
+/// The default of final-rate in runs in which Gaussians lose their residuals.
 constexpr double kMixedFinalRate = 0.1;
 
-/// Returns the options of which recipe frontier changes the default, with that value
-/// (docs/math/optimization.md#recipe).
+/// Returns the defaults with the values of recipe frontier (docs/math/optimization.md#recipe).
 const TrainOptions& frontier_values() {
     static const TrainOptions values = [] {
         TrainOptions options;
@@ -137,14 +136,14 @@ const TrainOptions& frontier_values() {
     return values;
 }
 
-/// Decides what `auto` stands for, and puts the values of recipe frontier in place of what was not named.
+/// Resolves recipe `auto`, and sets options that were not named to the values of recipe frontier.
 void apply_recipe(TrainOptions& options) {
     if (options.recipe == Recipe::kAuto) {
         const bool limited = options.time_limit || options.size_limit || options.frame_limit || options.target_psnr;
         options.recipe = limited || options.preset != Preset::kNone ? Recipe::kFrontier : Recipe::kPaper;
     }
     if (options.recipe != Recipe::kFrontier) {
-        // Where Gaussians lose their residuals, the rest of the run is fine tuning.
+        // If Gaussians lose their residuals, the rest of the run is fine-tuning.
         if (options.takes_residuals_away() && !options.named.contains("final-rate"))
             options.final_rate = kMixedFinalRate;
         return;
@@ -231,7 +230,7 @@ std::string option_text(const Option& option, const TrainOptions& options) {
 
 namespace {
 
-/// Reads one text into a value, by the words of its option.
+/// Parses one text into a value, with the special words of its option.
 template <class T>
 void read_value(T& value, const Option& option, bool is_whole, const std::string& text, const std::string& where) {
     if constexpr (is_optional<T>) {
@@ -262,7 +261,7 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
             if constexpr (is_list<std::decay_t<decltype(value)>>) {
                 value.clear();
                 for (const std::string& text : values)
-                    if (text != "-1") parse_into(value.emplace_back(), text, where);  // stands for none
+                    if (text != "-1") parse_into(value.emplace_back(), text, where);  // -1 means an empty list
             } else {
                 if (values.size() != 1)
                     throw UsageError(fmt::format("{}: needs exactly one value, got {}", where, values.size()));
@@ -325,7 +324,7 @@ TrainOptions resolve(TrainOptions options) {
     if (options.target_psnr && options.strategy != Strategy::kMcmc)
         throw UsageError(
             fmt::format("option target-psnr: goes with strategy mcmc, not with {}", word(options.strategy)));
-    // A .splat file holds one colour for all directions.
+    // A .splat file stores one colour for all directions.
     if (options.size_limit && options.size_of == SizeOf::kSplat && !options.named.contains("appearance"))
         options.appearance = "none";
     if (!options.named.contains("opacity-lr"))

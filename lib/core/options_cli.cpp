@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Registers the table of options with CLI11 and reads the given values back.
+// Registers the table of options with CLI11 and reads the given values.
 #include "lib/core/options_cli.h"
 
 #include <algorithm>
@@ -60,7 +60,7 @@ std::vector<std::string> hidden_spellings(const Option& option) {
     return names;
 }
 
-/// Whether both texts are the same number: 1 and 1.0.
+/// Returns whether both texts are the same number, such as 1 and 1.0.
 bool is_same_number(const std::string& a, const std::string& b) {
     const auto number = [](const std::string& text, double& value) {
         const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -83,7 +83,7 @@ CLI::Option* TrainArguments::declare_spelling(CLI::App& app, const Option& optio
     if (is_switch(option)) {
         cli = app.add_flag(names, help);
     } else {
-        // Values are read back as text in `resolve`, so that file and command line share one parser.
+        // `resolve` parses the values from text, so that file and command line share one parser.
         cli = app.add_option(
             names, [](const CLI::results_t&) { return true; }, help);
         cli->type_name(type_word(option));
@@ -94,13 +94,13 @@ CLI::Option* TrainArguments::declare_spelling(CLI::App& app, const Option& optio
         else
             cli->expected(1);
     }
-    // The last of repeated flags counts, as in 3DGS, whose scripts should run unchanged.
+    // The last of repeated flags applies, as in 3DGS, so that its scripts run unchanged.
     if (!is_list_option(option)) cli->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
     flags_.push_back({&option, cli});
     return cli;
 }
 
-/// Returns those of `names` that are not declared yet, with commas between, as CLI11 takes them.
+/// Returns the `names` that are not yet declared, separated by commas for CLI11, and marks them as declared.
 std::string TrainArguments::new_names(const std::vector<std::string>& names) {
     std::string list;
     for (const std::string& name : names)
@@ -161,8 +161,8 @@ void TrainArguments::declare_foreign(CLI::App& app, const ForeignProgram& progra
     foreign_.push_back({&program, &option, cli->group("")});
 }
 
-/// Returns whether the command line asks for something by this flag: not with `--flag=false`, nor with the value that
-/// asks for nothing.
+/// Returns whether the command line gives this flag with an effect, i.e. not as `--flag=false` or with the value
+/// without effect.
 bool TrainArguments::ForeignFlag::given() const {
     if (cli->count() == 0) return false;
     const bool has_value = option->use != ForeignUse::kSets && !option->is_switch;
@@ -206,7 +206,7 @@ void TrainArguments::apply_flags(TrainOptions& options) const {
         if (flag.option == previous)
             throw UsageError(fmt::format("option {} is given twice, in two spellings", flag.option->key));
         previous = flag.option;
-        // The contrary of what was meant would begin a training anew.
+        // An empty value would start a new training, the opposite of the intention.
         if (flag.option->key == "resume" && flag.cli->reduced_results() == std::vector<std::string>{""})
             throw UsageError(
                 "option resume: its value is empty, perhaps a variable of a script that is not set; name a checkpoint "

@@ -13,37 +13,38 @@
 
 namespace gs {
 
-/// Rules by which a command that works on finished runs combines options.
+/// Rules for combining options in commands that work on finished runs.
 struct ResolveRules {
-    bool stored_run = false;     ///< also read config.yaml of the output folder when no run is resumed
-    std::string default_source;  ///< scene used if none is named
+    bool stored_run = false;     ///< also read config.yaml of the output folder if no run is resumed
+    std::string default_source;  ///< scene to use if none is named
 };
 
-/// Declares every option of the table on `app`, with its aliases and, hidden, its spelling with underscores and those
-/// of other programs (foreign_options.h), plus `--config` and `--white-background`. Leaves out `without`, the key of an
-/// option whose flag means something else in a subcommand. The object must live until `resolve` was called.
+/// Declares every option of the table on `app`, plus `--config` and `--white-background`. Each option has its aliases
+/// and, hidden, its spelling with underscores and the spellings of other programs (foreign_options.h). Omits the option
+/// with key `without`, whose flag has another meaning in a subcommand. The object must live until `resolve` has
+/// returned.
 class TrainArguments {
   public:
     explicit TrainArguments(CLI::App& app, const std::string& without = "");
     /// Declares only the options of these `keys`, under the heading `group`, with the switches of other programs that
-    /// set them. For `apply`.
+    /// set them. For use with `apply`.
     TrainArguments(CLI::App& app, const std::vector<std::string>& keys, const std::string& group);
     TrainArguments(const TrainArguments&) = delete;
     TrainArguments& operator=(const TrainArguments&) = delete;
 
     /// Returns the resolved options: defaults, overridden by the file of --config, overridden by the flags. A run that
     /// is resumed without --config uses the config.yaml of its output folder, so that only changes need flags. Call it
-    /// after parsing. Warns of options of other programs that change nothing here. Throws UsageError, also for those
-    /// that ask for what is missing here.
+    /// after parsing. Warns of other programs' options that have no effect here. Throws UsageError, also for other
+    /// programs' options that request a missing feature.
     TrainOptions resolve(const ResolveRules& rules = {}) const;
 
-    /// Returns the same options unresolved, for callers that still change them.
+    /// Returns the same options unresolved, for callers that modify them further.
     TrainOptions combine(const ResolveRules& rules = {}) const;
 
-    /// Overrides `options` by the flags that were given and checks the value of each by itself. Throws UsageError.
+    /// Overrides `options` by the given flags and checks each value on its own. Throws UsageError.
     void apply(TrainOptions& options) const;
 
-    /// Returns the keys of the options that flags set.
+    /// Returns the keys of the options that the flags set.
     std::set<std::string> given() const;
 
   private:
@@ -56,7 +57,7 @@ class TrainArguments {
         const Option* option;
         CLI::Option* cli;
     };
-    /// An option of another program that is no synonym.
+    /// An option of another program that is not a synonym.
     struct ForeignFlag {
         const ForeignProgram* program;
         const ForeignOption* option;
@@ -72,7 +73,7 @@ class TrainArguments {
 
     std::vector<Flag> flags_;
     std::vector<ForeignFlag> foreign_;
-    std::set<std::string> names_;  ///< all that are declared
+    std::set<std::string> names_;  ///< all declared names
     std::string config_, foreign_command_;
 };
 

@@ -36,11 +36,11 @@ YAML::Node parse_file(const fs::path& file) {
     }
 }
 
-/// Options of earlier versions, which stand in the config.yaml of their runs, and the values that mean nothing.
+/// The options of earlier versions, which their runs' config.yaml files contain, and their values without effect.
 constexpr std::pair<std::string_view, std::string_view> kFormerOptions[] = {
     {"hostile-start", "0"}, {"separate-appearance", "false"}, {"log-level", "info"}};
 
-/// Returns whether the key is that of a former option, which is left out, with a warning if it meant something.
+/// Returns whether `key` is a former option, which is ignored. Warns if its value had an effect.
 bool is_former(const std::string& key, const YAML::Node& value, const std::string& where) {
     for (const auto& [former, nothing] : kFormerOptions) {
         if (key != former) continue;
@@ -133,8 +133,8 @@ void apply_file(TrainOptions& options, const fs::path& file, std::vector<fs::pat
     }
 }
 
-/// Returns a quoted text with its bytes as they are. The library's emitter replaces those that are no UTF-8, and then
-/// the file of that name would not be found again; its reader passes them on.
+/// Returns the quoted text with its bytes unchanged. yaml-cpp's emitter replaces bytes that are not UTF-8, so a file of
+/// that name would not be found again; its reader preserves them.
 std::string raw_scalar(const std::string& text) {
     std::string out = "\"";
     for (const char c : text) {
@@ -158,7 +158,7 @@ TrainOptions load_options_yaml(const fs::path& path) {
 
 std::string options_to_yaml(const TrainOptions& options) {
     YAML::Emitter out;
-    std::vector<std::pair<std::string, std::string>> raw;  // what stands for a text, and the text
+    std::vector<std::pair<std::string, std::string>> raw;  // placeholder of a text, and the text
     out << YAML::BeginMap;
     std::string group;
     for (const Option& option : train_option_table()) {

@@ -45,13 +45,13 @@ std::vector<char*> pointers(const std::vector<std::string>& texts) {
     return out;
 }
 
-/// Starts a program whose stdout and stderr go to `output`; without one, stdout goes nowhere and stderr is shared.
+/// Starts a program whose stdout and stderr go to `output`; if that is empty, stdout is discarded and stderr is shared.
 pid_t start(const std::string& program, const std::vector<std::string>& arguments,
             const std::vector<std::string>& environment, std::optional<int> output, bool own_group) {
     posix_spawnattr_t attributes;
-    posix_spawnattr_init(&attributes);  // the default process group, 0, means a new one
+    posix_spawnattr_init(&attributes);  // the default process group, 0, means a new group
     posix_spawnattr_setflags(&attributes, short(POSIX_SPAWN_SETSIGDEF | (own_group ? POSIX_SPAWN_SETPGROUP : 0)));
-    sigset_t defaults;  // this program may ignore them; others expect to end by them
+    sigset_t defaults;  // this program may ignore these signals; other programs expect to end by them
     sigemptyset(&defaults);
     sigaddset(&defaults, SIGPIPE);
     sigaddset(&defaults, SIGXFSZ);
@@ -76,7 +76,7 @@ pid_t start(const std::string& program, const std::vector<std::string>& argument
     return pid;
 }
 
-/// Waits for input. Returns true if `stop` returned true first.
+/// Waits for input. Returns whether `stop` returned true first.
 bool wait_for_input(int input, const std::function<bool()>& stop) {
     pollfd ready{input, POLLIN, 0};
     while (!stop())
@@ -84,7 +84,7 @@ bool wait_for_input(int input, const std::function<bool()>& stop) {
     return true;
 }
 
-/// Splits the stream at newlines and at carriage returns, by which programs overwrite progress in place.
+/// Splits the stream into lines at newlines and at carriage returns, with which programs overwrite progress in place.
 void read_lines(int input, pid_t pid, const std::function<void(const std::string&)>& on_line,
                 std::function<bool()> stop) {
     std::string line;
@@ -92,7 +92,7 @@ void read_lines(int input, pid_t pid, const std::function<void(const std::string
     for (;;) {
         if (stop && wait_for_input(input, stop)) {
             ::kill(pid, SIGINT);
-            stop = {};  // a second signal would end it before it has saved
+            stop = {};  // a second signal would end the program before it has saved
         }
         const ssize_t n = ::read(input, buffer, sizeof buffer);
         if (n < 0 && errno == EINTR) continue;
@@ -141,7 +141,7 @@ ProcessResult run_process(const std::vector<std::string>& arguments,
         };
         read_lines(input.fd(), child, keep_line, stop);
     } catch (...) {
-        input.close();  // a child that still writes then ends by SIGPIPE instead of waiting for a reader
+        input.close();  // a child that is still writing then ends by SIGPIPE instead of waiting for a reader
         wait_for(child);
         throw;
     }

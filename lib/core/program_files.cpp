@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Asks the kernel where the running program lies.
+// Finds files relative to the running program, located by /proc/self/exe.
 #include "lib/core/program_files.h"
 
 #include <fmt/format.h>

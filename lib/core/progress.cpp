@@ -21,7 +21,7 @@ namespace {
 constexpr double kBarInterval = 0.1;     // seconds; fast enough to look alive
 constexpr double kJsonInterval = 1.0;    // seconds; a day of training stays below 90 000 lines
 constexpr double kPlainInterval = 5.0;   // seconds; a short training needs no lines
-constexpr double kLongestSilence = 600;  // seconds; some services end a job that says nothing for longer
+constexpr double kLongestSilence = 600;  // seconds; some services end a job without output for longer
 
 std::string clock_text(double seconds) {
     const auto s = static_cast<std::int64_t>(std::lround(seconds));
@@ -109,7 +109,7 @@ bool Progress::due(const Outlet& outlet, std::int64_t iteration) const {
     return iteration == total_ || seconds_now() - outlet.shown_time >= outlet.interval;
 }
 
-/// The end needs no line: what follows it says that it was reached.
+/// Returns whether a plain line is due. The last iteration gets no line, because the following messages report the end.
 bool Progress::plain_line_due(std::int64_t iteration) const {
     if (!due(plain_, iteration) || iteration == total_) return false;
     return tenths(iteration) > shown_tenths_ || seconds_now() - plain_.shown_time >= kLongestSilence;
@@ -125,7 +125,8 @@ void Progress::update(std::int64_t iteration, double loss, std::int64_t num_gaus
     const double now = seconds_now(), seconds = now - rated_time_;
     if (seconds > 0 && iteration > rated_iteration_) {
         const double latest = double(iteration - rated_iteration_) / seconds;
-        // Smoothed over a few lines, because iterations get slower as the model grows and single ones differ by view.
+        // The rate is smoothed over a few lines, because iterations get slower as the model grows and vary between
+        // views.
         rate_ = rate_ == 0 ? latest : 0.7 * rate_ + 0.3 * latest;
     }
     rated_iteration_ = iteration;
@@ -145,7 +146,7 @@ void Progress::update(std::int64_t iteration, double loss, std::int64_t num_gaus
 }
 
 void Progress::draw(const std::vector<std::string>& parts) {
-    // The last column stays free: a full line makes some terminals begin the next one.
+    // The last column stays free, because some terminals wrap after a full line.
     const int columns = columns_ > 0 ? columns_ : terminal_columns();
     bar_stream_ << "\r\033[K" << fitting_line(parts, columns - 1) << std::flush;
     bar_open_ = true;

@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-constexpr double kYear = 365.0 * 86400;  // limit, because longer times do not fit into a clock's count
+constexpr double kYear = 365.0 * 86400;  // limit in seconds, because longer times overflow a clock's counter
 
 /// Returns the seconds of a unit, 0 for an unknown one.
 double unit_seconds(const std::string& unit) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes the paths of a run absolute, and finds them again.
+// Makes the paths of a run absolute, and restores them after a move.
 #include "lib/core/run_config.h"
 
 #include <fmt/format.h>
@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Returns the options that name files and folders of the user, the run's own folder aside.
+/// Returns the options that name files and folders of the user, except the run's own folder.
 std::vector<std::string TrainOptions::*> paths() {
     std::vector<std::string TrainOptions::*> fields;
     for (const Option& option : train_option_table())
@@ -27,16 +27,16 @@ std::vector<std::string TrainOptions::*> paths() {
 
 constexpr std::string_view kBuiltin = "builtin:";
 
-/// Returns how many characters stand before the path: a built-in scene may be a file, builtin:FILE.yaml.
+/// Returns the number of characters before the path: a built-in scene may be a file, builtin:FILE.yaml.
 std::size_t prefix_length(const std::string& text) { return text.starts_with(kBuiltin) ? kBuiltin.size() : 0; }
 
-/// Returns whether the text names something in the file system.
+/// Returns whether the text names a path in the file system.
 bool is_path(const std::string& text) {
     const bool is_file = text.ends_with(".yaml") || text.ends_with(".yml");
     return !text.empty() && (is_file || !text.starts_with(kBuiltin));
 }
 
-/// Returns whether there is something under this name. What cannot be looked at is named where it is read.
+/// Returns whether `path` exists. Errors are ignored here and reported when the path is read.
 bool is_there(const fs::path& path) {
     std::error_code ignored;
     return fs::exists(path, ignored);
@@ -52,7 +52,7 @@ std::string absolute_path(const std::string& text) {
     if (error || whole.empty()) return text;
     fs::path plain = whole.lexically_normal();
     if (!plain.has_filename()) plain = plain.parent_path();
-    // After a link ".." may lead elsewhere than it looks.
+    // After a symbolic link, ".." may lead to another folder than the text suggests.
     if (is_there(whole) && !fs::equivalent(whole, plain, error)) plain = whole;
     return text.substr(0, prefix) + plain.string();
 }
@@ -82,7 +82,7 @@ TrainOptions load_run_options(const fs::path& run_folder) {
         if (!is_path(text)) continue;
         const std::size_t prefix = prefix_length(text);
         const fs::path path = text.substr(prefix);
-        // Older versions stored paths as they were named, relative to the folder of the call.
+        // Older versions stored paths as given, relative to the current folder of the call.
         if (is_there(path) || !path.is_absolute() || !before.is_absolute()) continue;
         const fs::path moved = (now / path.lexically_relative(before)).lexically_normal();
         if (is_there(moved)) options.*field = text.substr(0, prefix) + moved.string();

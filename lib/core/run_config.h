@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The options that are stored with a run, whose files are found from any folder and after run and scene have moved.
+// The options stored with a run. Their files are found from any current folder, and after run and scene have moved
+// together.
 #pragma once
 
 #include <string>
@@ -8,19 +9,19 @@
 
 namespace gs {
 
-/// Returns `path` from the root on, without dots and a slash at the end. "builtin:NAME", an empty text, and any path
-/// while there is no current folder, stay as they are.
+/// Returns the absolute form of `path`, without dots or a trailing slash. Leaves "builtin:NAME" and an empty text
+/// unchanged, and any path if there is no current folder.
 std::string absolute_path(const std::string& path);
 
-/// Returns `options` with absolute_path of all files and folders that they name.
+/// Returns `options` with absolute_path() applied to all their files and folders.
 TrainOptions with_absolute_paths(TrainOptions options);
 
-/// Returns whether there is something at `source`, the scene of a run. Built-in scenes are always there.
+/// Returns whether `source`, the scene of a run, exists. Built-in scenes always exist.
 bool scene_exists(const std::string& source);
 
-/// Returns the text of config.yaml of a run: all options, with absolute paths. Together with the path of the run's own
-/// folder, which is one of them, they also tell where a file lies relative to the run. load_run_options
-/// (lib/core/options.h) reads it back.
+/// Returns the text of config.yaml of a run: all options, with absolute paths. The paths include the run's own folder,
+/// so the location of a file relative to the run can be recovered. load_run_options (lib/core/options.h) reads the
+/// text.
 std::string run_config(const TrainOptions& options);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one definition of every option: name, spellings, range and help.
+// The only definition of every option: name, spellings, range and help.
 #include "lib/core/train_options.h"
 
 #include <iterator>
@@ -12,33 +12,33 @@ namespace {
 
 using O = TrainOptions;
 
-// Iteration counts: a 32-bit range keeps every product with an interval inside 64 bits.
+// The largest number of iterations. A 32-bit range keeps every product with an interval within 64 bits.
 constexpr double kMaxIterations = 2147483647.0;
 
 /// An option under construction.
 struct Entry : Option {
-    /// Sets further spellings, which the help shows.
+    /// Sets additional spellings, which the help shows.
     template <class... Names> Entry also(Names... more) { return names = {more...}, *this; }
-    /// The text of a value that is not set.
+    /// Sets the text of an empty value.
     Entry unset(std::string text) { return unset_word = std::move(text), *this; }
-    /// A word for the largest number.
+    /// Sets a word for the largest number.
     Entry or_max_word(std::string text) { return max_word = std::move(text), *this; }
-    /// The value when the flag stands alone.
+    /// Sets the value if the flag is given without a value.
     Entry alone(std::string value) { return implicit = std::move(value), *this; }
-    /// Marks the option as one of those that --help shows.
+    /// Marks the option as shown by --help.
     Entry basic() { return is_basic = true, *this; }
     Entry in_words(std::string allowed) { return values = std::move(allowed), *this; }
     Entry in_units(std::string name) { return unit = std::move(name), *this; }
     Entry of(Scope what) { return scope = what, *this; }
-    /// Marks a text as the name of a file or folder.
+    /// Marks the value as the name of a file or folder.
     Entry path() { return is_path = true, *this; }
-    /// What the option gives, measured.
+    /// Sets the measured effect of the option.
     Entry gives(std::string text) { return measured = std::move(text), *this; }
-    /// The value that recipe frontier puts in place of the default.
+    /// Sets the value that recipe frontier uses instead of the default.
     Entry with_frontier(std::string value) { return frontier = std::move(value), *this; }
 };
 
-/// The allowed numbers, inclusive.
+/// The range of allowed numbers, inclusive.
 struct Range {
     std::optional<double> min = {}, max = {};
     std::string unit = {};
@@ -53,12 +53,12 @@ template <class T> Entry number(std::string key, T field, Range range, std::stri
              .max = range.max}};
 }
 
-/// A value whose allowed texts are said in words.
+/// Makes an option whose allowed values are described in words.
 template <class T> Entry text(std::string key, T field, std::string values, std::string help) {
     return {{.key = std::move(key), .field = field, .help = std::move(help), .values = std::move(values)}};
 }
 
-/// A word out of a list that is known at run time only.
+/// Makes an option whose value is one of a list of words that is known only at run time.
 Entry one_of(std::string key, std::string O::*field, std::vector<std::string> list, std::string help) {
     return {{.key = std::move(key), .field = field, .help = std::move(help), .choices = std::move(list)}};
 }
@@ -245,7 +245,7 @@ std::vector<Option> precision_options() {
     };
 }
 
-/// The options that models declare: their learning rates, or all others.
+/// Returns the options that models declare: learning rates if `rates`, else all others.
 std::vector<Option> options_of_models(bool rates) {
     std::vector<Option> table;
     for (const ModelOption& option : all_model_options()) {
@@ -450,7 +450,7 @@ std::vector<Option> densification_options() {
     };
 }
 
-/// Values that recipe frontier puts together. On their own they are for experiments with it.
+/// Returns the options that recipe frontier combines. Separately they serve for experiments with the recipe.
 std::vector<Option> recipe_options() {
     return {
         number("coarse-until", &O::coarse_until, {0, 1}, "share of the training in which images have half their size")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks UTF-8 by table 3-7 of the Unicode standard, composes by utf8proc and converts by iconv.
+// Checks UTF-8 by table 3-7 of the Unicode standard, composes with utf8proc and converts with iconv.
 #include "lib/core/utf8.h"
 
 #include <iconv.h>
@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-/// Returns nothing for what is not UTF-8.
+/// Applies utf8proc_map to `text`. Returns nothing for a text that is not UTF-8.
 std::optional<std::string> mapped(std::string_view text, int options) {
     utf8proc_uint8_t* out = nullptr;
     const utf8proc_ssize_t size =
@@ -26,7 +26,8 @@ std::optional<std::string> mapped(std::string_view text, int options) {
     return std::string(reinterpret_cast<const char*>(out), std::size_t(size));
 }
 
-/// Returns nothing for what is no text of the encoding, or if the system does not know it.
+/// Converts `bytes` from `encoding` to UTF-8. Returns nothing if they are invalid in it, or the system does not support
+/// it.
 std::optional<std::string> converted(std::string_view bytes, const char* encoding) {
     const iconv_t handle = ::iconv_open("UTF-8", encoding);
     if (handle == iconv_t(-1)) return {};
@@ -66,7 +67,7 @@ std::size_t utf8_length(std::string_view text, std::size_t at) {
     if (lead < 0xC2 || lead > 0xF4) return 0;
     const std::size_t length = lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : 4;
     if (at + length > text.size()) return 0;
-    // Narrower bounds of the second byte rule out overlong forms, surrogates and what is above U+10FFFF.
+    // Narrower bounds of the second byte exclude overlong forms, surrogates and code points above U+10FFFF.
     unsigned char low = lead == 0xE0 ? 0xA0 : lead == 0xF0 ? 0x90 : 0x80;
     unsigned char high = lead == 0xED ? 0x9F : lead == 0xF4 ? 0x8F : 0xBF;
     for (std::size_t k = 1; k < length; ++k) {

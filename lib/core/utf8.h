@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Texts as Unicode: whether bytes are UTF-8, and what makes two spellings of a name the same. Names of files are bytes;
-// those of older archives are often Latin-1 or GBK.
+// Unicode functions: validation of UTF-8, and normal forms to compare spellings of a name. File names are bytes; in
+// older archives they are often Latin-1 or GBK.
 #pragma once
 
 #include <cstddef>
@@ -10,31 +10,31 @@
 
 namespace gs {
 
-/// Returns true for well-formed UTF-8: no overlong forms, surrogates, or code points above U+10FFFF.
+/// Returns whether `text` is well-formed UTF-8: no overlong forms, surrogates, or code points above U+10FFFF.
 bool is_utf8(std::string_view text);
 
 /// Returns the text in Unicode's composed form (NFC), in which "e" with a combining accent is one character. macOS
-/// writes names in the decomposed form. What is not UTF-8 comes back unchanged.
+/// writes names in the decomposed form. A text that is not UTF-8 is returned unchanged.
 std::string composed(std::string_view text);
 
-/// Returns the text composed and without the difference between upper and lower case; of what is not UTF-8 only the
-/// letters of ASCII lose it.
+/// Returns the text composed and case-folded. In a text that is not UTF-8 only ASCII letters are folded.
 std::string case_folded(std::string_view text);
 
-/// Bytes taken for an encoding other than UTF-8.
+/// An interpretation of bytes in an encoding other than UTF-8.
 struct Reading {
     const char* encoding;
     std::string text;  ///< UTF-8
 };
 
-/// Returns the readings of a text that is not UTF-8 in the encodings that zip archives and older systems use, likely
-/// ones first; nothing for UTF-8.
+/// Returns the readings of a text that is not UTF-8 in the encodings that zip archives and older systems use, most
+/// likely first; none for a UTF-8 text.
 std::vector<Reading> readings(std::string_view bytes);
 
-/// Returns the number of bytes of the code point at `at`; 0 if the byte there begins none.
+/// Returns the number of bytes of the code point at `at`; 0 if no valid code point begins there.
 std::size_t utf8_length(std::string_view text, std::size_t at);
 
-/// Returns `text` to be looked at: U+FFFD for each byte that is no part of UTF-8. Different texts may become the same.
+/// Returns `text` for display, with U+FFFD for each byte that is not part of valid UTF-8. Different texts may become
+/// equal.
 std::string printable(std::string_view text);
 
 }  // namespace gs

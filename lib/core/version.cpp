@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Returns the version and git hash that CMake found.
+// Returns the version and git hash that CMake recorded.
 #include "lib/core/version.h"
 
 namespace gs {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parses YAML and refuses what yaml-cpp would leave unread.
+// Parses YAML and rejects text that yaml-cpp would leave unread.
 #include "lib/core/yaml_text.h"
 
 #include <vector>

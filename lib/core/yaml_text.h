@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads YAML texts of one document.
+// Parses YAML texts of one document.
 #pragma once
 
 #include <yaml-cpp/yaml.h>
@@ -8,8 +8,8 @@
 
 namespace gs {
 
-/// Parses one YAML document. Throws YAML::ParserException for what is no YAML, and if the text goes on behind the
-/// document. yaml-cpp alone ignores the rest of a text whose lines are indented less than the first one.
+/// Parses one YAML document. Throws YAML::ParserException if the text is not YAML, or continues after the document.
+/// yaml-cpp itself ignores the rest of a text from a line indented less than the first.
 YAML::Node parse_yaml(const std::string& text);
 
 }  // namespace gs

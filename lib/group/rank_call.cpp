@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Requests and answers as bytes, and the side of the rank that asks.
+// Encodes requests and answers, and sends requests. Messages with their sizes in bytes:
 //
-//   answers   "gsapp r1", nonce (32)
-//   asks      size of the body (4), nonce (32), body, proof (32)
-//   answers   status (1), size of the value (4), value, proof (32)
+//   answering rank    "gsapp r1", nonce (32)
+//   requesting rank   size of the body (4), nonce (32), body, proof (32)
+//   answering rank    status (1), size of the value (4), value, proof (32)
 #include "lib/group/rank_call.h"
 
 #include <fmt/format.h>
@@ -34,9 +34,9 @@ namespace {
 constexpr std::string_view kMagic = "gsapp r1";
 constexpr std::size_t kNonceBytes = 32, kProofBytes = 32, kSizeBytes = sizeof(std::uint32_t);
 constexpr std::size_t kHeadBytes = kSizeBytes + kNonceBytes;
-/// Begin what proofs are of, so that no answer passes for a request.
+/// The prefixes of the authenticated bytes, so that an answer cannot pass for a request.
 constexpr std::string_view kAsks = "gsapp request", kAnswers = "gsapp answer";
-/// Between two tries to reach a rank, which may still be starting.
+/// The pause between two attempts to reach a rank, which may still be starting.
 constexpr std::chrono::milliseconds kTryAgain(200);
 
 std::string random_bytes(std::size_t size) {
@@ -58,7 +58,7 @@ std::string proof_of(const std::string& secret, std::string_view side, std::stri
     return proof;
 }
 
-/// Compares in a time that does not tell how much is equal.
+/// Compares in a time that does not depend on the position of the first difference.
 bool equal(std::string_view a, std::string_view b) {
     return a.size() == b.size() && ::CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
 }
@@ -81,7 +81,7 @@ std::string body_of(const RankRequest& request, const std::string& job) {
     return {reinterpret_cast<const char*>(body.bytes().data()), body.bytes().size()};
 }
 
-/// A connection to another rank whose calls throw DeviceError once the time is over.
+/// A connection to another rank. Its functions throw DeviceError after the time limit.
 class Connection {
   public:
     Connection(const RankAddress& address, double seconds) : end_(seconds_now() + seconds) {
@@ -113,7 +113,7 @@ class Connection {
     Descriptor take() { return std::move(socket_); }
 
   private:
-    /// Leaves the connection open in socket_, or returns why there is none.
+    /// Stores the open connection in socket_ and returns 0, or returns the error number.
     int connect(const addrinfo& to) {
         Descriptor socket(::socket(to.ai_family, to.ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, to.ai_protocol));
         if (!socket.is_open()) return errno;
@@ -128,7 +128,7 @@ class Connection {
         socket_ = std::move(socket);
         return 0;
     }
-    /// Waits until the socket is ready. Returns false when the time is over.
+    /// Waits until the socket is ready. Returns false after the time limit.
     bool ready(int socket, short events) const {
         pollfd waits{socket, events, 0};
         while (true) {
@@ -137,7 +137,7 @@ class Connection {
             if (left == 0) return false;
         }
     }
-    /// Returns whether a call moved bytes; waits if it could not yet.
+    /// Returns whether a call of send or recv succeeded. If the call would block, waits until the socket is ready.
     bool moved(ssize_t count, short events) const {
         if (count >= 0) return true;
         if (errno != EAGAIN && errno != EINTR) throw DeviceError(std::strerror(errno));
@@ -149,7 +149,7 @@ class Connection {
     Descriptor socket_;
 };
 
-/// Asks once.
+/// Sends one request and returns its answer.
 RankAnswer ask_once(Connection& rank, const std::string& body, const std::string& secret) {
     const std::string greeting = rank.read(kMagic.size() + kNonceBytes);
     if (!greeting.starts_with(kMagic)) throw DeviceError("another program answers, or another version of gsapp");
@@ -158,7 +158,7 @@ RankAnswer ask_once(Connection& rank, const std::string& body, const std::string
     const std::string status = rank.read(1);
     if (RankAnswer::Status(status[0]) == RankAnswer::Status::kRefused) return {RankAnswer::Status::kRefused, ""};
     const std::string value = rank.read(size_at(rank.read(kSizeBytes)));
-    // A rank that does not know the secret cannot answer either.
+    // A rank without the secret cannot answer validly.
     if (!equal(rank.read(kProofBytes), proof_of(secret, kAnswers, nonces, status + value)))
         return {RankAnswer::Status::kRefused, ""};
     return {RankAnswer::Status(status[0]), value};
@@ -193,7 +193,7 @@ RankAnswer ask(const RankAddress& address, const RankRequest& request, const Cre
                             "need the same {}, or the same file ~/.config/gsapp/rank_secret",
                             request.rank, address.host, address.port, kSecretVariable));
         if (answer) return *answer;
-        // A try takes no longer, unless this process was stopped meanwhile.
+        // An attempt takes no longer than kAnswerSeconds, unless this process was suspended meanwhile.
         spent += std::min(seconds_now() - start, kAnswerSeconds);
         if (spent >= patience)
             throw DeviceError(fmt::format("rank {} cannot reach rank {} at {} port {} ({})", request.rank, address.rank,

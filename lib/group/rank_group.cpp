@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts the other ranks of one machine, watches all ranks in a thread of its own, and breaks off what waits for them
-// when one is lost.
+// Starts the other ranks of one machine, watches all ranks in a separate thread, and aborts communication if one is
+// lost.
 #include "lib/group/rank_group.h"
 
 #include <fcntl.h>
@@ -38,10 +38,10 @@ namespace gs {
 namespace {
 
 constexpr const char* kParent = "GSAPP_RANK_PARENT";
-/// The time that ranks have to end by themselves.
+/// The time allowed for ranks to end by themselves.
 constexpr std::chrono::seconds kLastWords(5);
 
-/// Returns the arguments of this process.
+/// Returns the command line of this process.
 std::vector<std::string> own_arguments() {
     std::ifstream file("/proc/self/cmdline", std::ios::binary);
     const std::string all((std::istreambuf_iterator<char>(file)), {});
@@ -53,13 +53,13 @@ std::vector<std::string> own_arguments() {
 
 using std::chrono::milliseconds;
 
-/// Between two looks at the processes of this machine, and between two reports to rank 0.
+/// The intervals between two checks of this machine's processes, and between two reports to rank 0.
 constexpr milliseconds kLook(100), kReport(1000);
-/// A connection may break before the reason is known: how long an error waits for it.
+/// The seconds that an error waits for its reason, since a connection may break before the reason is known.
 constexpr double kWaitForReason = 3;
-/// How long a rank waits for the connection of another until it looks whether something failed.
+/// The seconds that a rank waits for the connection of another before it checks for a failure.
 constexpr double kLookForRank = 0.1;
-/// How long a rank whose connection was broken off may go on with what it does.
+/// The time that a rank may continue its work after its connection was aborted.
 constexpr milliseconds kMostDelay(10000);
 
 const char* environment(const char* name) { return std::getenv(name); }
@@ -70,7 +70,7 @@ std::string host_name() {
     return name;
 }
 
-/// Returns what tells a job from others that meet at the same port.
+/// Returns the text that distinguishes a job from others at the same port.
 std::string job_of(const std::string& work, int size) {
     std::string job = fmt::format("{} ranks: {}", size, work);
     for (const char* name : {"SLURM_JOB_ID", "SLURM_STEP_ID", "TORCHELASTIC_RUN_ID"})
@@ -78,7 +78,7 @@ std::string job_of(const std::string& work, int size) {
     return job;
 }
 
-/// Says of an error of the connection why it broke.
+/// A communicator that replaces the message of a connection error by its reason, if known.
 class ExplainingCommunicator final : public Communicator {
   public:
     ExplainingCommunicator(std::unique_ptr<Communicator> connection, std::function<std::string()> reason)
@@ -106,7 +106,7 @@ class ExplainingCommunicator final : public Communicator {
     template <class Fn> void explaining(Fn&& transfer) {
         try {
             transfer();
-        } catch (const DeviceError& e) {  // of the link, or of this rank's own device
+        } catch (const DeviceError& e) {  // error of the link, or of this rank's own device
             const std::string reason = reason_();
             throw DeviceError(reason.empty() ? e.what() : reason);
         }
@@ -174,20 +174,20 @@ void end_with_rank_0() {
     const char* parent = ::getenv(kParent);
     if (!parent) return;
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-    if (std::to_string(::getppid()) != parent) ::_exit(int(ExitCode::kUnexpected));  // it has already ended
+    if (std::to_string(::getppid()) != parent) ::_exit(int(ExitCode::kUnexpected));  // the parent has already ended
 }
 
 struct RankGroup::Implementation {
     RankPlace place;
     Credentials credentials;
-    std::optional<Roster> roster;  ///< on rank 0
-    std::optional<RankPort> port;  ///< on rank 0 as long as it lives, on others while ranks connect
+    std::optional<Roster> roster;  ///< set on rank 0
+    std::optional<RankPort> port;  ///< set on rank 0 for its lifetime, on others while ranks connect
     std::optional<LocalRanks> processes;
-    std::optional<RosterClient> client;  ///< on the others
+    std::optional<RosterClient> client;  ///< set on ranks other than 0
     std::mutex mutex;
     std::condition_variable ending_changed;
     bool ending = false;
-    std::string failure;  ///< on other ranks than 0, what rank 0 said or why it cannot be reached
+    std::string failure;  ///< on ranks other than 0: failure reported by rank 0, or why it cannot be reached
     std::unique_ptr<Communicator> communicator;
     bool asked_devices = false;  ///< whether connect_devices() was called
     std::thread watch;
@@ -197,7 +197,7 @@ struct RankGroup::Implementation {
         const std::lock_guard lock(mutex);
         return failure;
     }
-    /// Waits briefly for the cause of an error.
+    /// Waits up to kWaitForReason for the reason of an error, and returns it; empty if none is known.
     std::string awaited_reason() {
         const double start = seconds_now();
         while (true) {
@@ -221,16 +221,16 @@ struct RankGroup::Implementation {
         if (interrupted()) throw Interrupted("interrupted before all ranks had come");
     }
 
-    /// Returns the address by which the other ranks reach this one, which is not rank 0; an empty text if it is that by
-    /// which they reach rank 0.
+    /// Returns the address of this rank (not rank 0) for the other ranks; an empty text if it is the address by which
+    /// they reach rank 0.
     std::string own_address() const {
         if (place.local_size == place.size) return "127.0.0.1";
         const Route route = route_to(place.master, place.port);
         return route.is_local() ? "" : route.own;
     }
 
-    /// Returns a connection to each other rank. Each rank is called by those after it: rank 0 at the port where all
-    /// meet, the others at one of their own.
+    /// Returns a connection to each other rank. Each rank accepts connections from the ranks after it: rank 0 at the
+    /// common port, the others at a port of their own.
     std::vector<Descriptor> connect_all() {
         const auto key = [](int r) { return "gsapp/address of rank " + std::to_string(r); };
         std::vector<Descriptor> to_rank(std::size_t(place.size));
@@ -245,7 +245,7 @@ struct RankGroup::Implementation {
             if (r > 0) {
                 const std::vector<char> text = get(key(r));
                 std::istringstream words(std::string(text.begin(), text.end()));
-                words >> address.port >> address.host;  // which stays that of rank 0 if there is no other
+                words >> address.port >> address.host;  // the host stays that of rank 0 if the text names none
             }
             ask(address, {RankRequest::Call::kConnect, place.rank, "", ""}, credentials, kLongestSilence,
                 &to_rank[std::size_t(r)]);
@@ -259,7 +259,7 @@ struct RankGroup::Implementation {
         return to_rank;
     }
 
-    /// Waits for `time`, or returns true at once when the group ends.
+    /// Waits for `time` and returns false, or returns true as soon as the group ends.
     bool ends_within(milliseconds time) {
         std::unique_lock lock(mutex);
         return ending_changed.wait_for(lock, time, [&] { return ending; });
@@ -269,7 +269,7 @@ struct RankGroup::Implementation {
         while (!ends_within(kLook)) {
             if (processes)
                 if (const auto lost = processes->first_lost()) {
-                    // A rank that reports its error does so before it ends; the first that is noted counts.
+                    // A rank reports its error before it ends, and only the first recorded failure is kept.
                     roster->fail(*lost);
                 }
             roster->look_for_lost_ranks();
@@ -292,7 +292,7 @@ struct RankGroup::Implementation {
                 failure = text;
             }
             break_off();
-            // It may be in the middle of a long computation. Nothing that it does is of use any more.
+            // This rank may be in a long computation, whose result is no longer needed.
             if (!ends_within(kMostDelay)) ::_exit(int(ExitCode::kDevice));
             return;
         }
@@ -334,7 +334,7 @@ std::unique_ptr<RankGroup> RankGroup::join(int local_ranks, const std::string& w
             group->port.emplace("0.0.0.0", place->port, 0, place->size, credentials, answers_of(*group->roster));
         } else {
             end_with_rank_0();
-            // Signals to all processes of a job are for rank 0, which ends the others when it has saved the model.
+            // Signals to all processes of a job are handled by rank 0, which ends the others after saving the model.
             for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);
             group->client.emplace(place->rank, place->master, place->port, credentials);
             const std::string failure = group->client->report(host_name(), kLongestWait);
@@ -360,18 +360,18 @@ RankGroup::~RankGroup() {
             send_to_others(*group.communicator, MessageWriter().put(GroupCall::kLeave));
             left = true;
         }
-    } catch (const Error&) {  // the connection was broken off in the middle of something
+    } catch (const Error&) {  // the connection was aborted during an exchange
     }
     if (!left) {
         group.roster->fail("rank 0 has ended");
-        if (group.communicator) group.communicator->abort();  // nobody is there to take leave of
+        if (group.communicator) group.communicator->abort();  // no other rank takes part in an orderly end
         if (group.processes)
             group.processes->kill();
         else
-            std::this_thread::sleep_for(2 * kReport);  // so that ranks elsewhere hear of it
+            std::this_thread::sleep_for(2 * kReport);  // so that ranks on other machines receive the failure
     }
-    group.communicator.reset();  // the devices take leave of each other
-    group.processes.reset();     // waits for them
+    group.communicator.reset();  // the devices disconnect from each other
+    group.processes.reset();     // waits for the processes
 }
 
 int RankGroup::rank() const { return implementation_->place.rank; }
@@ -401,7 +401,7 @@ Communicator& RankGroup::communicator() {
         std::make_unique<ExplainingCommunicator>(std::move(connection), [&group] { return group.awaited_reason(); });
     const std::lock_guard lock(group.mutex);
     group.communicator = std::move(explaining);
-    // A failure from before was told to nobody.
+    // An earlier failure could not abort the communicator, which did not exist yet.
     if (!group.failure.empty() || (group.roster && !group.roster->failure().empty())) group.communicator->abort();
     return *group.communicator;
 }
@@ -435,11 +435,11 @@ void RankGroup::follow(const std::function<void()>& part) {
         throw DeviceError("");
     } catch (const std::exception& e) {
         if (!fail(e.what())) throw;
-        throw DeviceError("");  // rank 0 says it
+        throw DeviceError("");  // rank 0 prints the message
     }
 }
 
-/// Tells why this rank ends. Returns false if rank 0 cannot be told.
+/// Sends the reason for this rank's end to rank 0. Returns false if rank 0 cannot be reached.
 bool RankGroup::fail(const std::string& message) {
     try {
         implementation_->client->fail(fmt::format("rank {} on {}: {}", rank(), host_name(), message));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads what torchrun and srun put into the environment, and finds addresses by connecting a socket for datagrams.
+// Reads the environment variables of torchrun and srun, and finds addresses by connecting a datagram socket.
 #include "lib/group/rank_place.h"
 
 #include <fmt/format.h>
@@ -18,7 +18,7 @@ namespace gs {
 namespace {
 
 constexpr int kMostRanks = 4096;
-/// Ports for jobs that name none: one of ten thousand by the number of the job, so that jobs on one machine differ.
+/// The range of ports for jobs that name none: one of ten thousand by the job id, so that jobs on one machine differ.
 constexpr int kFirstPort = 20000, kPorts = 10000;
 
 std::optional<int> number(const Environment& variable, const char* name, int least, int most) {
@@ -44,7 +44,7 @@ void check_rank(int rank, int size, const char* rank_name, const char* size_name
             fmt::format("environment variable {}: {} is not below {}, which is {}", rank_name, rank, size_name, size));
 }
 
-/// Returns the tasks on the first machine of "4(x2),1".
+/// Returns the number of tasks on the first machine, from a text like "4(x2),1".
 int first_count(const char* text) {
     int value = 1;
     if (text) std::from_chars(text, text + std::char_traits<char>::length(text), value);
@@ -78,7 +78,7 @@ std::optional<RankPlace> rank_place(const Environment& variable) {
         if (!variable("MASTER_ADDR"))
             throw UsageError("environment variable MASTER_ADDR is missing, although WORLD_SIZE is set");
         place.port = required(variable, "MASTER_PORT", 1, 65535, "WORLD_SIZE");
-        // Where torchrun says so, a store of its own listens at MASTER_PORT. All ranks take the next one.
+        // If this variable is set, torchrun's own store listens at MASTER_PORT, so all ranks use the next port.
         if (const char* taken = variable("TORCHELASTIC_USE_AGENT_STORE"); taken && std::string(taken) == "True")
             place.port += place.port < 65535 ? 1 : -1;
     } else if (const auto tasks = number(variable, "SLURM_STEP_NUM_TASKS", 1, kMostRanks); tasks.value_or(1) > 1) {

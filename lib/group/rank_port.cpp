@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keeps the roster, and asks rank 0 for it. The port answers in one thread, which never waits for a single visitor.
+// Keeps the roster on rank 0, and queries it from other ranks. The port answers in one thread, which never blocks on a
+// single connection.
 #include "lib/group/rank_port.h"
 
 #include <fmt/format.h>
@@ -24,11 +25,11 @@
 namespace gs {
 namespace {
 
-/// How long a request that is too early waits before it must be asked again.
+/// The seconds that a request for a missing value waits before it must be repeated.
 constexpr double kWaitForValue = 2;
-/// Milliseconds between two looks whether a request can be answered now, and whether somebody took too long.
+/// The milliseconds between two checks for requests that can now be answered, and for connections past their deadline.
 constexpr int kLookForValue = 20, kLookForLate = 500;
-/// The most visitors kept that have not proved to be ranks; two more for each rank.
+/// The largest number of unauthenticated connections, besides two for each rank.
 constexpr std::size_t kMostStrangers = 64;
 
 Descriptor listen_at(const std::string& address, int port) {
@@ -41,7 +42,7 @@ Descriptor listen_at(const std::string& address, int port) {
     }
     const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> list(found, &::freeaddrinfo);
     Descriptor socket(::socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, found->ai_protocol));
-    const int yes = 1;  // connections of an earlier job may still be fading away
+    const int yes = 1;  // connections of an earlier job may still be in TIME_WAIT
     if (socket.is_open() &&
         (::setsockopt(socket.fd(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
          ::bind(socket.fd(), found->ai_addr, found->ai_addrlen) != 0 || ::listen(socket.fd(), SOMAXCONN) != 0)) {
@@ -62,25 +63,25 @@ int port_of(int socket) {
     return std::atoi(port);
 }
 
-/// The longest pause between two looks at the ranks, seconds; in a longer one this process did not run.
+/// The longest normal pause between two checks of the ranks, seconds; in a longer pause this process was suspended.
 constexpr double kLongestPause = 3;
 
 }  // namespace
 
 struct RankPort::Implementation {
-    /// One connection, from the greeting until it is answered.
+    /// One connection, from the greeting to the answer.
     struct Visitor {
         Descriptor socket;
         AnsweringSide side;
-        double deadline;                     ///< then it is dropped, or told to ask again
-        std::string out, in;                 ///< what is to be sent, and what came
-        std::optional<RankRequest> request;  ///< once it has proved to be a rank
+        double deadline;                     ///< time at which it is dropped, or its request answered with kNotYet
+        std::string out, in;                 ///< bytes to send, and bytes received
+        std::optional<RankRequest> request;  ///< set once the connection has proved to be a rank
         std::optional<RankAnswer> answer;
 
         bool is_stranger() const { return !request; }
         bool waits_for_answer() const { return request && !answer; }
 
-        /// Sends what it can. Returns false when the connection is broken.
+        /// Sends as much as possible. Returns false if the connection is broken.
         bool write() {
             while (!out.empty()) {
                 const ssize_t sent = ::send(socket.fd(), out.data(), out.size(), MSG_NOSIGNAL);
@@ -89,8 +90,7 @@ struct RankPort::Implementation {
             }
             return true;
         }
-        /// Reads no further than to the end of the request. Returns false when the connection is broken, or this is
-        /// none.
+        /// Reads up to the end of the request. Returns false if the connection is broken or was closed.
         bool read() {
             while (const std::size_t missing = AnsweringSide::missing(in)) {
                 const std::size_t before = in.size();
@@ -109,10 +109,10 @@ struct RankPort::Implementation {
     const Handler handler;
     const std::size_t most_strangers;
     const Descriptor listening, wake;
-    std::list<Visitor> visitors;  ///< in the order in which they came
+    std::list<Visitor> visitors;  ///< connections in order of arrival
     std::mutex mutex;
     std::condition_variable arrived_changed;
-    std::map<int, Descriptor> arrived;  ///< connections by rank
+    std::map<int, Descriptor> arrived;  ///< requested connections by rank
     std::atomic<bool> ending = false;
     std::thread thread;
 
@@ -130,14 +130,14 @@ struct RankPort::Implementation {
             const double now = seconds_now();
             try {
                 accept_all(now);
-            } catch (const std::exception&) {  // out of memory: who comes next may find some
+            } catch (const std::exception&) {  // out of memory: later connections may succeed
             }
             for (auto visitor = visitors.begin(); visitor != visitors.end();)
                 visitor = advance(*visitor, now) ? std::next(visitor) : visitors.erase(visitor);
         }
     }
 
-    /// Waits until there may be something to do.
+    /// Waits until a connection may need attention.
     void wait() const {
         std::vector<pollfd> all{{wake.fd(), POLLIN, 0}, {listening.fd(), POLLIN, 0}};
         int time = visitors.empty() ? -1 : kLookForLate;
@@ -156,7 +156,7 @@ struct RankPort::Implementation {
             if (!socket.is_open()) {
                 if (errno == EINTR || errno == ECONNABORTED) continue;
                 if (errno == EAGAIN || drop_oldest_stranger()) return;
-                std::this_thread::sleep_for(std::chrono::milliseconds(kLookForValue));  // no descriptor is free
+                std::this_thread::sleep_for(std::chrono::milliseconds(kLookForValue));  // no file descriptor is free
                 return;
             }
             visitors.push_back({std::move(socket), AnsweringSide(credentials), now + kAnswerSeconds, "", "", {}, {}});
@@ -175,7 +175,7 @@ struct RankPort::Implementation {
         return true;
     }
 
-    /// Does for a visitor what can be done now. Returns false when it is to leave.
+    /// Advances a connection as far as possible without blocking. Returns false if the connection is to be removed.
     bool advance(Visitor& visitor, double now) {
         try {
             if (!visitor.write()) return false;
@@ -191,7 +191,7 @@ struct RankPort::Implementation {
                 visitor.deadline = now + kAnswerSeconds;
             }
             if (!visitor.write() || now > visitor.deadline) return false;
-        } catch (const std::exception&) {  // this is no request, or it is longer than memory has room for
+        } catch (const std::exception&) {  // invalid request, or out of memory
             return false;
         }
         if (!visitor.answer || !visitor.out.empty()) return true;
@@ -204,7 +204,7 @@ struct RankPort::Implementation {
         return false;
     }
 
-    /// Looks at the proof of a complete request.
+    /// Checks the proof of a complete request.
     void admit(Visitor& visitor, double now) {
         visitor.request = visitor.side.open(visitor.in);
         visitor.in.clear();
@@ -287,7 +287,7 @@ void Roster::look_for_lost_ranks() {
     {
         const std::lock_guard lock(mutex_);
         const double now = seconds_now();
-        // While this process was stopped, or its machine asleep, it heard of nobody.
+        // While this process or its machine was suspended, it received no reports.
         if (std::exchange(last_look_, now) + kLongestPause < now)
             for (Heard& heard : heard_) heard.seconds = heard.seconds > 0 ? now : 0;
         for (std::size_t r = 1; r < heard_.size(); ++r) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds or makes the secret of a job.
+// Finds or creates the secret of a job.
 #include "lib/group/secret.h"
 
 #include <fcntl.h>
@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Shorter secrets can be guessed by trying.
+/// The minimum length of a secret; shorter secrets can be guessed by brute force.
 constexpr std::size_t kLeastCharacters = 16;
 constexpr std::size_t kMostCharacters = 4096;
 
@@ -41,7 +41,7 @@ std::string checked(const std::string& text, const std::string& where) {
     return secret;
 }
 
-/// Returns the content of the file, and an empty text if there is no such file.
+/// Returns the secret in the file, or an empty text if there is no such file.
 std::string read_secret(const fs::path& path) {
     const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
     if (!file.is_open() && (errno == ENOENT || errno == ENOTDIR)) return "";
@@ -63,7 +63,7 @@ std::string read_secret(const fs::path& path) {
     return checked(text, path.string());
 }
 
-/// Makes the file with a new secret, complete or not at all. Leaves one alone that another rank made meanwhile. Throws
+/// Creates the file with a new secret atomically. Keeps a file that another rank created meanwhile. Throws
 /// std::system_error.
 void make_secret(const fs::path& path) {
     fs::create_directories(path.parent_path());

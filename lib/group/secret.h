@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The secret by which the ranks of a job know each other.
+// The secret with which the ranks of a job authenticate each other.
 #pragma once
 
 #include <string>
@@ -15,9 +15,9 @@ inline constexpr const char* kSecretVariable = "GSAPP_RANK_SECRET";
 std::string random_secret();
 
 /// Returns the secret of ranks that another program started: the value of kSecretVariable, or else the content of
-/// gsapp/rank_secret in XDG_CONFIG_HOME (~/.config). The first rank that needs that file makes it, with mode 600.
-/// Throws UsageError for a secret of less than 16 characters, for a file that other users may read or that belongs to
-/// one, and if there is no file and none can be made.
+/// gsapp/rank_secret in XDG_CONFIG_HOME (~/.config). The first rank that needs the file creates it, with mode 600.
+/// Throws UsageError for a secret of less than 16 characters, for a file that other users may read or write or that
+/// belongs to another user, and if there is no file and none can be created.
 std::string shared_secret(const Environment& variable);
 
 }  // namespace gs

@@ -47,7 +47,7 @@ AppearanceSpec appearance_from_file(const std::string& file, const std::string& 
                                          fmt::join(kWordsOf<ColorActivation>, ", ")));
         return {model, int(max_degree), *known};
     } catch (const UsageError& e) {
-        // The user did not type these words, so the file is at fault.
+        // The names come from the file, not from the user, so the file is at fault.
         throw DataError(fmt::format("cannot read '{}': {}", file, e.what()));
     }
 }

@@ -24,7 +24,7 @@ namespace gs {
 namespace {
 
 constexpr const char* kFormat = "gsapp-checkpoint-1";
-/// The tensor of the weights that all Gaussians of the model share.
+/// The name of the tensor with the weights shared by all Gaussians of the model.
 constexpr const char* kSharedName = "shared_weights";
 constexpr const char *kPpispName = "ppisp", *kControllerName = "controller";
 
@@ -47,7 +47,7 @@ double metadata_seconds(const SafetensorsFile& file, const std::string& name, co
     return value;
 }
 
-/// Reads one (count, width) tensor. Checks its shape before and its values after reading.
+/// Reads one tensor of shape (count, width). Checks its shape before and its values after reading.
 std::vector<float> read_rows(const SafetensorsFile& file, const std::string& name, const std::string& tensor,
                              std::int64_t count, std::int64_t width) {
     const auto& shape = file.tensor(tensor).shape;
@@ -65,7 +65,7 @@ std::vector<float> read_rows(const SafetensorsFile& file, const std::string& nam
     return values;
 }
 
-/// Adds one row of values, with its moments if there are any.
+/// Adds one row of parameters, with its moments if there are any.
 void add_row(std::vector<TensorView>& tensors, const std::string& name, const std::vector<float>& param,
              const std::vector<float>& m, const std::vector<float>& v) {
     const auto add = [&](const std::string& tensor, const std::vector<float>& values) {
@@ -210,7 +210,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
         GroupArrays<float>& group = g.groups[i];
         group.width = group_width(Group(i), g.appearance);
         std::int64_t rows = g.count;
-        if (Group(i) == Group::kResidual) {  // only the first Gaussians may have one
+        if (Group(i) == Group::kResidual) {  // residuals may exist only for the first Gaussians
             const auto& shape = file.tensor(kGroupNames[i]).shape;
             if (!shape.empty() && shape[0] >= 0 && shape[0] < rows) rows = shape[0];
         }

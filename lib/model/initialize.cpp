@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes the initial points and the first Gaussians from their neighbourhood, or reads a model and gives it another
+// Makes the initial points and Gaussians sized by their neighbourhood, or reads a model and converts it to another
 // appearance.
 #include "lib/model/initialize.h"
 
@@ -27,10 +27,10 @@
 namespace gs {
 namespace {
 
-/// The squared distance below which neighbours count as duplicates. It keeps the logarithm of the scale finite.
+/// The squared distance below which neighbours count as duplicates. This bound keeps the logarithm of the scale finite.
 constexpr double kMinSquaredDistance = 1e-7;
 
-/// Presents the points to nanoflann.
+/// The interface of the points for nanoflann.
 struct PointAdaptor {
     const std::vector<Eigen::Vector3f>& points;
     std::size_t kdtree_get_point_count() const { return points.size(); }
@@ -73,7 +73,7 @@ PointCloud random_points(const Scene& scene, const InitOptions& options) {
     return cloud;
 }
 
-/// Keeps `most` points at even distances in the list, or all if `most` is 0.
+/// Keeps `most` points, evenly spaced in the list, or all points if `most` is 0.
 PointCloud sample(PointCloud cloud, std::int64_t most) {
     const auto all = std::int64_t(cloud.positions.size());
     if (most <= 0 || all <= most) return cloud;
@@ -85,7 +85,7 @@ PointCloud sample(PointCloud cloud, std::int64_t most) {
     return cloud;
 }
 
-/// Returns the unit mean of the directions from the cameras to a point; empty if they point all ways alike.
+/// Returns the normalised mean of the directions from the cameras to a point; nothing if the directions cancel out.
 std::optional<Vec3<double>> mean_direction(const Eigen::Vector3d& point, const std::vector<Eigen::Vector3d>& cameras) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const Eigen::Vector3d& camera : cameras) sum += (point - camera).normalized();
@@ -96,7 +96,7 @@ std::optional<Vec3<double>> mean_direction(const Eigen::Vector3d& point, const s
 
 namespace fs = std::filesystem;
 
-/// Returns the .ply file that `from` names.
+/// Returns the .ply file of `from`, which is a file or a run folder.
 fs::path file_of(const fs::path& from) {
     std::error_code ignored;
     if (fs::is_directory(from, ignored)) {
@@ -107,7 +107,7 @@ fs::path file_of(const fs::path& from) {
     throw UsageError(fmt::format("option init: '{}' is neither a .ply file nor a run folder", from.string()));
 }
 
-/// Returns the frame whose coordinates lie in `from` as those of `to` lie in the scene's.
+/// Returns the frame that maps coordinates of `from` to coordinates of `to`, as `to` does for scene coordinates.
 Frame between(const Frame& from, const Frame& to) {
     return {.center = from.from_scene(to.center), .scale = to.scale / from.scale};
 }
@@ -120,7 +120,7 @@ bool are_both_plain_sh(const AppearanceSpec& a, const AppearanceSpec& b) {
     return appearance_model(a.model).plain_sh && appearance_model(b.model).plain_sh && a.activation == b.activation;
 }
 
-/// Returns rows of `width` numbers that begin as the given ones; what is new is 0.
+/// Returns the rows truncated or padded with zeros to `width` numbers.
 std::vector<float> with_width(const GroupArrays<float>& rows, std::int64_t count, int width) {
     std::vector<float> out(std::size_t(count) * std::size_t(width));
     const int shared = std::min(width, rows.width);
@@ -129,7 +129,7 @@ std::vector<float> with_width(const GroupArrays<float>& rows, std::int64_t count
     return out;
 }
 
-/// Puts the colours that cameras see on average in the place of base and residual.
+/// Replaces base and residual by the mean colours that the cameras see, stored in the base.
 void flatten(Gaussians& g, const Scene& scene, ColorActivation activation) {
     const ModelInfo& model = appearance_model(g.appearance.model);
     const std::vector<Eigen::Vector3d> cameras = sampled_cameras(scene);
@@ -157,7 +157,7 @@ void flatten(Gaussians& g, const Scene& scene, ColorActivation activation) {
     });
 }
 
-/// Gives every Gaussian the residual of a model that shows nothing and can be learnt from there.
+/// Sets every Gaussian's residual to a value without effect from which it can be trained.
 void clear_residuals(Gaussians& g, const Scene& scene, std::uint64_t seed) {
     const ModelInfo& model = appearance_model(g.appearance.model);
     g[Group::kResidual] = {};
@@ -191,8 +191,7 @@ std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vec
     if (points.size() < 2) return means;
     const PointAdaptor adaptor{points};
     const KdTree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
-    // One more than 3, because the nearest point is the point itself, or another at the same place with the same
-    // distance.
+    // One more than 3, because the nearest point is the point itself, or another at the same position with distance 0.
     const std::size_t wanted = std::min<std::size_t>(4, points.size());
     parallel_for_rows(std::int64_t(points.size()), [&](std::int64_t i) {
         const Eigen::Vector3d query = points[std::size_t(i)].cast<double>();
@@ -254,7 +253,7 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
     for (std::int64_t i = 0; i < g.count; ++i) {
         const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
         std::copy_n(cloud.positions[std::size_t(i)].data(), 3, row(Group::kMean));
-        // A single point has no neighbour to tell its size and gets a hundredth of the scene.
+        // A single point has no neighbours to determine its scale, which becomes a hundredth of the scene extent.
         const double scale = g.count > 1 ? factor * std::sqrt(std::max(squared[std::size_t(i)], kMinSquaredDistance))
                                          : 0.01 * scene.extent;
         std::fill_n(row(Group::kScale), 3, float(std::log(scale)));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recognises files by their first bytes and by the names inside of them.
+// Recognises files by their first bytes and by the names inside them.
 #include "lib/model/model_file.h"
 
 #include <fmt/format.h>
@@ -24,8 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 
-/// The bytes at either end of a file that are looked at: they hold the header of every .ply in use, and the names in a
-/// zip archive.
+/// The number of bytes examined at either end of a file, enough for the header of every usual .ply and for the names in
+/// a zip archive.
 constexpr std::size_t kLookedAt = 1 << 16;
 
 constexpr const char* kExport = "export a .ply from the program that trained it";
@@ -39,7 +39,7 @@ constexpr const char* kPoints =
 
 constexpr const char* kSogFolder = "meta.json";
 
-/// A file as far as it is looked at.
+/// The examined parts of a file.
 struct Content {
     std::string head, tail;
     std::uint64_t size = 0;
@@ -86,7 +86,8 @@ std::string quoted(const fs::path& path) {
     return plain ? name : "'" + name + "'";
 }
 
-/// Says that splat-transform makes a .ply of the file. That program goes by the ending of the name.
+/// Returns the message that splat-transform converts the file to .ply. That program determines formats by file
+/// extension.
 std::string converted(const fs::path& path, const std::string& what, const std::string& ending) {
     fs::path input = path;
     if (ending == kSogFolder)
@@ -106,10 +107,10 @@ std::string converted(const fs::path& path, const std::string& what, const std::
 
 std::string other(const std::string& what, const std::string& advice) { return "it is " + what + "; " + advice; }
 
-/// Looks at the header of a .ply.
+/// Examines the header of a .ply.
 std::string other_ply(const fs::path& path, const Content& content) {
     const std::size_t end = content.head.find("end_header");
-    if (end == std::string::npos) return {};  // its reader says so
+    if (end == std::string::npos) return {};  // the reader reports the missing header end
     std::istringstream header(content.head.substr(0, end));
     std::set<std::string> properties;
     bool has_faces = false;
@@ -133,7 +134,7 @@ std::string other_ply(const fs::path& path, const Content& content) {
                  kPoints);
 }
 
-/// Tells apart what lies in zip archives.
+/// Distinguishes zip archives by their content.
 std::string other_zip(const fs::path& path, const Content& content) {
     if (content.holds("data.pkl")) return other("a checkpoint of PyTorch", kPyTorch);
     if (content.holds(".npy")) return other("an archive of NumPy arrays (.npz)", kExport);
@@ -142,7 +143,7 @@ std::string other_zip(const fs::path& path, const Content& content) {
     return other("a zip archive", "unpack it and name the .ply in it");
 }
 
-/// Tells apart texts of JSON by their keys.
+/// Distinguishes JSON texts by their keys.
 std::string other_json(const fs::path& path, const Content& content) {
     const auto has = [&](const char* key) { return content.holds(fmt::format("\"{}\"", key)); };
     if (has("means") && (has("quats") || has("scales")))
@@ -156,7 +157,7 @@ std::string other_json(const fs::path& path, const Content& content) {
     return other("a text of JSON", "a model is a run folder or a .ply file");
 }
 
-/// Whether the header is one of a .ksplat: its version is 0.1, and the counts are possible.
+/// Returns whether the header is that of a .ksplat: version 0.1 and possible counts.
 bool is_ksplat(const Content& content) {
     constexpr std::size_t kHeader = 4096, kSectionHeader = 1024;
     if (content.head.size() < kHeader || content.head[0] != 0 || content.head[1] != 1) return false;
@@ -166,7 +167,8 @@ bool is_ksplat(const Content& content) {
            content.at<std::uint16_t>(20) <= 2 && content.size >= kHeader + kSectionHeader * sections;
 }
 
-/// Whether the first records are ones of a .splat, which has no header: lengths above 0 and unit quaternions.
+/// Returns whether the first records are those of a .splat, which has no header: plausible positions, scales of 0 or
+/// more, and unit quaternions.
 bool is_splat(const Content& content) {
     constexpr std::size_t kRecord = 32;
     if (content.size == 0 || content.size % kRecord != 0) return false;
@@ -185,7 +187,7 @@ bool is_splat(const Content& content) {
     return true;
 }
 
-/// Whether it is a text whose first word, comments aside, is one of an .obj file.
+/// Returns whether the content is a text whose first word, after comments, is a keyword of .obj files.
 bool is_obj(const Content& content) {
     std::istringstream lines(content.head.substr(0, 4096));
     for (std::string line; std::getline(lines, line);) {
@@ -197,7 +199,7 @@ bool is_obj(const Content& content) {
     return false;
 }
 
-/// Files that are known by their first bytes and cannot be converted by a command.
+/// A kind of file that is recognised by its first bytes and has no conversion command.
 struct Known {
     std::string_view begins;
     const char* what;
@@ -250,7 +252,7 @@ std::string other_model(const fs::path& path) {
                    : converted(path, "an .spz file", ".spz");
     for (const Known& known : kKnown)
         if (content.begins(known.begins)) return other(known.what, known.advice);
-    // Pickles of protocols 2 to 5, as PyTorch wrote them before its zip archives.
+    // Pickles of protocols 2 to 5, the format of PyTorch before its zip archives.
     if (content.head.size() > 1 && content.head[0] == '\x80' && content.head[1] >= 2 && content.head[1] <= 5)
         return other("a checkpoint of PyTorch, or another pickle of Python", kPyTorch);
     if (content.head.size() > 8 && content.head[8] == '{')

@@ -36,10 +36,10 @@ constexpr std::array<const char*, 6> kLeading = {"x", "y", "z", "nx", "ny", "nz"
 /// The beginning of the comment that states the frame.
 constexpr const char* kFrameComment = "gsapp frame ";
 
-/// The beginning of the comment that states how many Gaussians, the first ones, have a residual.
+/// The beginning of the comment that states the number of Gaussians, counted from the first, with a residual.
 constexpr const char* kResidualsComment = "gsapp residuals ";
 
-/// The number of rows that are packed before they go to the stream.
+/// The number of rows that are packed before they are written to the stream.
 constexpr std::int64_t kRowsPerChunk = 1 << 16;
 
 bool is_plain_sh(const AppearanceSpec& a) { return appearance_model(a.model).plain_sh; }
@@ -82,7 +82,7 @@ PlyHeader make_header(const Gaussians& g, const PlyOptions& options) {
     return h;
 }
 
-/// Packs Gaussian `i` in the order of make_header.
+/// Packs Gaussian `i` in the column order of make_header.
 void pack_row(const Gaussians& g, std::int64_t i, const FileCoordinates& coordinates, float* out) {
     const AppearanceSpec& a = g.appearance;
     const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
@@ -107,23 +107,22 @@ void pack_row(const Gaussians& g, std::int64_t i, const FileCoordinates& coordin
     const float* q = row(Group::kRotation);
     const double norm =
         std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
-    // A zero quaternion renders as nothing, but readers divide by its norm, so the identity is written.
+    // A Gaussian with a zero quaternion is invisible, but readers divide by the norm, so the identity is written.
     for (int k = 0; k < 4; ++k) *out++ = norm == 0 ? float(k == 0) : float(q[k] / norm);
     if (!relu) copy(base, 3);
     if (!is_plain_sh(a)) out = has_residual ? std::copy(rest, rest + residual, out) : std::fill_n(out, residual, 0.0f);
 }
 
-/// The columns of a file that feed the groups.
+/// The columns of a file for each parameter group.
 struct Columns {
     std::array<int, 3> mean, dc, scale;
     std::array<int, 4> rotation;
     int opacity = -1;
-    std::vector<int> base;      ///< app_base, or empty
-    std::vector<int> residual;  ///< in the order of Gaussians' residual
+    std::vector<int> base;      ///< columns of app_base; empty if there are none
+    std::vector<int> residual;  ///< columns in the order of Gaussians' residual
 };
 
-/// Reads the gsapp comment of the header; returns false without one. Throws DataError for one that it cannot
-/// understand.
+/// Reads the gsapp comment of the header. Returns false if there is none. Throws DataError if the comment is invalid.
 bool appearance_comment(const PlyReader& file, const std::string& name, AppearanceSpec& spec, int& active_degree) {
     for (const std::string& comment : file.header().comments) {
         std::istringstream words(comment);
@@ -142,7 +141,7 @@ bool appearance_comment(const PlyReader& file, const std::string& name, Appearan
     return false;
 }
 
-/// Reads the comments about coordinates. Throws DataError for those that it cannot understand.
+/// Reads the comments about coordinates. Throws DataError for invalid comments.
 FileCoordinates coordinate_comments(const PlyReader& file) {
     FileCoordinates coordinates;
     for (const std::string& comment : file.header().comments) {
@@ -160,8 +159,8 @@ FileCoordinates coordinate_comments(const PlyReader& file) {
     return coordinates;
 }
 
-/// Returns how many Gaussians have a residual: all, unless a comment says otherwise. (A comment of a larger number
-/// comes from a program that removed rows and kept it.) Throws DataError for a comment that it cannot understand.
+/// Returns the number of Gaussians with a residual: all, unless a comment states fewer. (A comment with a larger number
+/// comes from a program that removed rows and kept the comment.) Throws DataError for an invalid comment.
 std::int64_t residuals_comment(const PlyReader& file) {
     for (const std::string& comment : file.header().comments) {
         if (!comment.starts_with(kResidualsComment)) continue;
@@ -173,7 +172,7 @@ std::int64_t residuals_comment(const PlyReader& file) {
     return file.header().count;
 }
 
-/// Returns the number of f_rest properties and sets `degree` to their SH degree. Throws DataError for other numbers.
+/// Returns the number of f_rest properties, and sets `degree` to their SH degree. Throws DataError for other numbers.
 int count_f_rest(const PlyReader& file, int& degree) {
     int n = 0;
     while (file.find(fmt::format("f_rest_{}", n)) >= 0) ++n;
@@ -213,7 +212,7 @@ Columns find_columns(const PlyReader& file, const AppearanceSpec& a, int num_f_r
     return c;
 }
 
-/// Reads one Gaussian after another.
+/// Reads one Gaussian at a time.
 class RowReader {
   public:
     RowReader(const AppearanceSpec& appearance, const Columns& columns, const FileCoordinates& coordinates)
@@ -222,7 +221,7 @@ class RowReader {
             row_[std::size_t(i)].resize(std::size_t(group_width(Group(i), appearance)));
     }
 
-    /// Reads row `r` of the chunk. Returns what keeps it from being a Gaussian; an empty text: nothing does.
+    /// Reads row `r` of the chunk. Returns the reason why the row is not a Gaussian; empty if it is valid.
     std::string read(const PlyReader& file, std::int64_t r) {
         std::string fault;
         const auto put = [&](Group group, std::size_t k, int column, double value) {
@@ -253,8 +252,8 @@ class RowReader {
     }
 
   private:
-    /// Normalises a rotation that is too short or too long for the renderers; only its direction means something.
-    /// Returns the fault of a rotation of zero.
+    /// Normalises a rotation that is too short or too long for the renderers; only its direction is significant.
+    /// Returns the fault if the rotation is zero, else an empty text.
     std::string normalize_rotation() {
         std::vector<float>& q = row_[std::size_t(Group::kRotation)];
         const Vec4<double> wxyz{q[0], q[1], q[2], q[3]};
@@ -282,7 +281,7 @@ std::int64_t ply_bytes_per_gaussian(const AppearanceSpec& appearance) {
 void write_ply(const std::filesystem::path& path, const Gaussians& g, const PlyOptions& options) {
     const PlyHeader header = make_header(g, options);
     const std::size_t width = header.properties.size();
-    std::vector<Group> groups;  // of the properties, as far as they tell which numbers are possible
+    std::vector<Group> groups;  // groups of the properties, only as far as they determine the valid numbers
     for (const PlyProperty& p : header.properties)
         groups.push_back(p.name == "opacity"            ? Group::kOpacity
                          : p.name.starts_with("scale_") ? Group::kScale
@@ -372,7 +371,8 @@ Gaussians read_ply(const std::filesystem::path& path, std::optional<Frame>* fram
             "{}: {} of {} Gaussians are left out, because a number of theirs is not finite or their rotation is "
             "zero; the first: {}",
             path.string(), dropped, in_file, first_fault);
-    // A program that moved rows and kept the comments leaves values beyond the number: then all have a residual.
+    // If a program moved rows and kept the comments, values remain beyond the stated number: then all Gaussians have a
+    // residual.
     GroupArrays<float>& residuals = g[Group::kResidual];
     const auto rest = residuals.param.begin() + with_residual * residuals.width;
     if (std::all_of(rest, residuals.param.end(), [](float x) { return x == 0; }))

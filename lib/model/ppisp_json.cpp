@@ -38,7 +38,7 @@ void write_channels(std::ostream& out, const float* values, int width) {
     out << ']';
 }
 
-/// A part of a document, with its place for messages.
+/// A part of the JSON document, with its place for messages.
 class Node {
   public:
     Node(const Json& json, std::string where) : json_(json), where_(std::move(where)) {}
@@ -152,7 +152,7 @@ PpispFile read_ppisp_json(const std::filesystem::path& path) {
         camera.at("response").channels(values + kChannels * kIspVignetting, kIspResponse);
         if (camera.has("controller") != controllers) camera.fail("either all cameras have a controller or none");
         if (!controllers) continue;
-        // Camera by camera, so that a long list of empty cameras does not take the memory of their weights.
+        // The memory grows camera by camera, so that a long list of empty cameras does not allocate all their weights.
         file.state.controller.resize((c + 1) * std::size_t(kControllerWeights));
         camera.at("controller").numbers(&file.state.controller[c * kControllerWeights], kControllerWeights);
     }

@@ -36,7 +36,7 @@ constexpr const char* kLockName = ".gsapp.lock";
 
 bool same_file(const struct stat& a, const struct stat& b) { return a.st_dev == b.st_dev && a.st_ino == b.st_ino; }
 
-/// Reads who holds the lock: " (process 123)"; empty if the file does not say.
+/// Returns the holder of the lock, " (process 123)"; empty if the file does not name it.
 std::string holder(int fd) {
     char digits[24] = {};
     const ssize_t size = ::pread(fd, digits, sizeof digits - 1, 0);
@@ -47,7 +47,7 @@ std::string holder(int fd) {
 
 namespace fs = std::filesystem;
 
-/// Returns the number in "<prefix>N<suffix>"; nothing when the name has another form.
+/// Returns the number in "<prefix>N<suffix>"; nothing if the name has another form.
 std::optional<std::int64_t> numbered(const fs::path& path, std::string_view prefix, std::string_view suffix) {
     const std::string name = path.filename().string();
     std::int64_t value = 0;
@@ -89,13 +89,13 @@ void remove_file(const fs::path& path) {
     if (error) throw DataError(fmt::format("cannot remove '{}' of an earlier run: {}", path.string(), error.message()));
 }
 
-/// Removes a folder that has become empty. A folder with other files stays.
+/// Removes a folder if it is empty.
 void remove_if_empty(const fs::path& folder) {
     std::error_code error;
     if (fs::is_empty(folder, error) && !error) fs::remove(folder, error);
 }
 
-/// Removes the files that gsapp writes for iterations above `after`.
+/// Removes the files that gsapp wrote for iterations above `after`.
 void remove_iterations(const RunFolder& folder, std::int64_t after) {
     for (const auto& [n, path] : point_clouds(folder.root)) {
         if (n <= after) continue;
@@ -122,7 +122,7 @@ void remove_iterations(const RunFolder& folder, std::int64_t after) {
     for (const char* name : {"point_cloud", "checkpoints", "preview"}) remove_if_empty(folder.root / name);
 }
 
-/// Removes the temporary files that killed runs left in the folders that runs write to.
+/// Removes the temporary files of killed runs from the folders that runs write to.
 void remove_leftovers_of_runs(const RunFolder& folder) {
     std::vector<fs::path> folders = {folder.root};
     for (const char* name : {"point_cloud", "checkpoints", "preview", "stats", "test", "train", "renders"}) {
@@ -134,8 +134,8 @@ void remove_leftovers_of_runs(const RunFolder& folder) {
     for (const fs::path& path : folders) remove_leftovers(path);
 }
 
-/// Returns the text as a Python string literal. Bytes of a name that is not UTF-8 are written as Python itself reads
-/// such names (surrogateescape).
+/// Returns the text as a Python string literal. Bytes that are not UTF-8 are written as in Python's own representation
+/// of such names (surrogateescape).
 std::string quoted(const std::string& text) {
     const bool utf8 = is_utf8(text);
     std::string out = "'";
@@ -152,7 +152,7 @@ std::string quoted(const std::string& text) {
     return out + "'";
 }
 
-/// Returns whether gsapp wrote config.yaml, which then begins with the name of the program.
+/// Returns whether config.yaml was written by gsapp, i.e. begins with the name of the program.
 bool holds_run(const RunFolder& folder) {
     constexpr std::string_view kBeginning = "# gsapp ";
     std::string beginning(kBeginning.size(), '\0');
@@ -161,8 +161,8 @@ bool holds_run(const RunFolder& folder) {
            beginning == kBeginning;
 }
 
-/// Returns whether a run may begin beside this entry of its folder: hidden files, which hold no results, empty ones, as
-/// a shell makes them for messages, and what a run has written that was killed before its config.yaml.
+/// Returns whether a run may begin beside this entry of its folder: a hidden file, which holds no results; an empty
+/// file, which a shell creates for redirected output; or a file of a run that was killed before writing config.yaml.
 bool is_of_no_account(const RunFolder& folder, const fs::path& entry) {
     std::error_code error;
     const std::string name = entry.filename().string(), log = "gsapp.log";
@@ -171,7 +171,7 @@ bool is_of_no_account(const RunFolder& folder, const fs::path& entry) {
     return fs::is_regular_file(entry, error) && fs::file_size(entry, error) == 0 && !error;
 }
 
-/// Returns the first file or folder under a name that a run writes; empty if there is none.
+/// Returns the first existing file or folder with a name that a run writes; empty if there is none.
 fs::path taken_name(const RunFolder& folder) {
     for (const fs::path& path :
          {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
@@ -186,7 +186,8 @@ fs::path taken_name(const RunFolder& folder) {
     return {};
 }
 
-/// Throws UsageError for a folder that is no run's, unless it is empty, or `overwrite` and nothing would be replaced.
+/// Throws UsageError for a folder without a run, unless it is empty, or `overwrite` is set and nothing would be
+/// replaced.
 void require_own_names(const RunFolder& folder, bool overwrite) {
     if (!folder_exists(folder.root)) return;
     if (const fs::path taken = taken_name(folder); !taken.empty())
@@ -247,7 +248,7 @@ void RunLock::lock_file() {
         if (result != 0)
             log_warning("'{}' cannot be locked ({}): make sure that no other run writes into it", folder_.string(),
                         std::strerror(errno));
-        // A run that ended in between has removed the file that is now locked. Its successor is another file.
+        // A run that ended between open and flock has removed the now locked file; the next lock file is another one.
         struct stat locked {
         }, named{};
         if (::fstat(file_fd_, &locked) == 0 && ::fstatat(folder_fd_, kLockName, &named, 0) == 0 &&
@@ -256,7 +257,8 @@ void RunLock::lock_file() {
         ::close(file_fd_);
     }
     const std::string pid = std::to_string(::getpid()) + "\n";
-    // For the message alone, so that a full disk is left to those who write results.
+    // The process id serves only messages, so a failed write is ignored; on a full disk the writers of results report
+    // it.
     if (::ftruncate(file_fd_, 0) != 0 || ::pwrite(file_fd_, pid.data(), pid.size(), 0) < 0) errno = 0;
 }
 
@@ -309,7 +311,7 @@ fs::path RunFolder::picture_part(const std::string& split, std::int64_t iteratio
 
 void require_free_run_folder(const RunFolder& folder, bool overwrite, std::optional<std::int64_t> resume_iteration) {
     const std::int64_t after = resume_iteration.value_or(-1);
-    // A run that was killed may have saved point clouds after its last checkpoint. The resumed run writes them again.
+    // A killed run may have saved point clouds after its last checkpoint. The resumed run writes them again.
     const bool own = resume_iteration && path_exists(folder.checkpoint(after));
     if (!own && !holds_run(folder)) return require_own_names(folder, overwrite);
     if (overwrite) return;
@@ -338,7 +340,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
     if (error)
         throw DataError(fmt::format("cannot create the output folder '{}': {}", folder.root.string(), error.message()));
     remove_leftovers_of_runs(folder);
-    AtomicFile probe(folder.config());  // never committed; only proves that files can be created here
+    AtomicFile probe(folder.config());  // never committed; only tests that files can be created here
     require_free_run_folder(folder, overwrite, resume_iteration);
 }
 
@@ -357,7 +359,7 @@ void replace_earlier_run(const RunFolder& folder, const std::string& config,
 
 namespace {
 
-/// Says why a folder has no checkpoint, and what to do; empty if nothing of a run is there.
+/// Returns the reason why a run folder has no checkpoint, with advice; empty if the folder has no config.yaml.
 std::string why_no_checkpoint(const fs::path& run_folder) {
     if (!path_exists(RunFolder{run_folder}.config())) return "";
     const char* const killed =
@@ -366,7 +368,7 @@ std::string why_no_checkpoint(const fs::path& run_folder) {
     TrainOptions options;
     try {
         options = load_run_options(run_folder);
-    } catch (const Error&) {  // not what gsapp wrote
+    } catch (const Error&) {  // not a config.yaml of gsapp
         return killed;
     }
     options.model = run_folder.string();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the centre, moves means and scales into a frame, and judges and replaces infinite parameters.
+// Computes the centre, transforms means and scales into a frame, and checks and replaces infinite parameters.
 #include "lib/model/whole_model.h"
 
 #include <algorithm>
@@ -16,7 +16,8 @@ namespace gs {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-/// The least log scale of files for viewers (docs/formats.md#scenengsplat), below any pixel in a frame of usual size.
+/// The smallest log scale in files for viewers (docs/formats.md#scenengsplat), smaller than any pixel in a frame of
+/// usual size.
 constexpr float kLeastLogScale = -12;
 
 }  // namespace

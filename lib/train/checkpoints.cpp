@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes checkpoints, and says how a run continues from them.
+// Writes checkpoints, and describes how a run continues from them.
 #include "lib/train/checkpoints.h"
 
 #include <filesystem>
@@ -34,7 +34,7 @@ void Checkpoints::write_by_time(Backend& backend) {
         clock_.train_seconds() - written_at_ < 60 * *options_.checkpoint_minutes ||
         lists(options_.checkpoint_iterations, iteration))
         return;
-    written_at_ = clock_.train_seconds();  // also of one that fails: the next try comes as late as the next checkpoint
+    written_at_ = clock_.train_seconds();  // also after a failure, so that the next attempt waits as long
     writer_.check_folder();
     const double start = seconds_now();
     try {
@@ -69,12 +69,12 @@ std::string Checkpoints::write_with_points(Backend& backend) {
 std::string Checkpoints::rescue(Backend& backend) {
     if (schedule_.iteration() == first_iteration_) return "";
     try {
-        backend.synchronize();  // gives up steps that do not fit
+        backend.synchronize();  // abandons steps that do not fit into memory
     } catch (const std::exception&) {
     }
     try {
         write(backend);
-    } catch (const std::exception& e) {  // the error that brought us here is the one to report
+    } catch (const std::exception& e) {  // the original error is the one to report
         log_warning("no checkpoint could be written: {}", e.what());
         return latest();
     }
@@ -82,7 +82,7 @@ std::string Checkpoints::rescue(Backend& backend) {
            how_to_continue();
 }
 
-/// Returns what a message should say about the latest checkpoint, if there is one.
+/// Returns the text of a message about the latest checkpoint; empty if there is none.
 std::string Checkpoints::latest() const {
     try {
         return "; the last checkpoint is " + latest_checkpoint(writer_.folder().root).string() + "; " +

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decides when a training writes checkpoints and what they hold, and saves a run that fails.
+// Schedules and writes the checkpoints of a run, and saves a run that fails.
 #pragma once
 
 #include <cstdint>
@@ -14,33 +14,36 @@
 
 namespace gs {
 
-/// Writes the checkpoints of a run: those that options list, one every few minutes, those that a watcher asks for, and
-/// one when an error ends the run. All references must outlive the object, which is made when the run has been resumed.
+/// Writes the checkpoints of a run: checkpoints at the iterations that the options list, one every few minutes, one for
+/// each request of a watcher, and one when an error ends the run. All references must outlive the object. A resumed run
+/// creates the object after resuming.
 class Checkpoints {
   public:
     Checkpoints(const OutputOptions& options, const TrainingSchedule& schedule, const TrainingClock& clock,
                 const RunWriter& writer);
 
-    /// Writes a checkpoint of the present iteration. Throws DataError.
+    /// Writes a checkpoint of the current iteration. Throws DataError.
     void write(Backend& backend);
-    /// Writes a checkpoint if options.checkpoint_minutes of training have passed since the last one. The course of the
-    /// training must not depend on that: it happens only where the scan for non-finite parameters has just brought all
-    /// rows of the device up to date, which reading them would do, too. A failure to write is only a warning.
+    /// Writes a checkpoint if options.checkpoint_minutes of training have passed since the last checkpoint. Its timing
+    /// must not change the course of the training, so the checkpoint is written only right after the scan for
+    /// non-finite parameters: the scan brings all rows on the device up to date, as reading them would. A failure to
+    /// write is only a warning.
     void write_by_time(Backend& backend);
-    /// Writes a checkpoint and the point cloud. Returns what went wrong, of which it also warns; empty if nothing did.
+    /// Writes a checkpoint and the point cloud. Returns the error message, which is also logged as a warning; empty on
+    /// success.
     std::string write_with_points(Backend& backend);
-    /// Saves the model after an error, as the last finished step left it, if this process finished a step and the
-    /// device still gives the model out. Up to three steps that a failed device had not finished are missing. Returns
-    /// what the message of the error should add.
+    /// Saves the model after an error, in its state after the last finished step. Saves nothing if this process
+    /// finished no step or the model cannot be read from the device any more. Up to three steps that a failed device
+    /// had not finished are missing. Returns the text to append to the error message.
     std::string rescue(Backend& backend);
 
-    /// Puts a model in the place of the present one in all checkpoints from now on; empty: the present one again. The
-    /// search for a target keeps the smallest model that reached it, since a run that was resumed with a smaller one
-    /// that is still recovering would take that to be below the target.
+    /// Stores `model` instead of the current model in all later checkpoints; empty: the current model again. The search
+    /// for a target keeps the smallest model that reached the target. Otherwise a run resumed with a smaller model that
+    /// is still recovering would take that model to be below the target.
     void keep(std::optional<Gaussians> model) { kept_ = std::move(model); }
     const std::optional<Gaussians>& kept() const { return kept_; }
 
-    /// Returns the command that continues the run, as part of a sentence.
+    /// Returns the command that continues the run, phrased as part of a sentence.
     std::string how_to_continue() const;
 
   private:
@@ -51,10 +54,10 @@ class Checkpoints {
     const TrainingSchedule& schedule_;
     const TrainingClock& clock_;
     const RunWriter& writer_;
-    const std::int64_t first_iteration_;  ///< where this process began
+    const std::int64_t first_iteration_;  ///< iteration at which this process began
     std::optional<Gaussians> kept_;
-    double written_at_;          ///< seconds of training at the last checkpoint
-    bool cost_is_told_ = false;  ///< of one by time
+    double written_at_;          ///< training time at the last checkpoint, in seconds
+    bool cost_is_told_ = false;  ///< whether the cost of a timed checkpoint was logged
 };
 
 }  // namespace gs

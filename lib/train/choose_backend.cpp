@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses the device for a model and for its scores.
+// Chooses the device that trains a model and the device that scores it.
 #include "lib/train/choose_backend.h"
 
 #include <mutex>
@@ -41,7 +41,7 @@ std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appeara
 }
 
 void log_device(Device device, const Backend& backend) {
-    // Why there is no GPU; try_device has said why one that is there is not used.
+    // Adds the reason for a missing GPU; try_device has already warned about a GPU that cannot be used.
     const bool none = device == Device::kAuto && cuda_device_count() == 0;
     log_info("device: {}{}", backend.describe(), none ? " (" + cuda_unavailable_reason() + ")" : "");
 }

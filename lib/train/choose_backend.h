@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses the device for a model and for its scores.
+// Chooses the device that trains a model and the device that scores it.
 #pragma once
 
 #include "kernels/ranks/backend.h"
@@ -8,24 +8,24 @@
 
 namespace gs {
 
-/// Returns true if `device` means the GPU on this machine; with kAuto that is so if there is one that can be used.
+/// Returns whether `device` selects the GPU on this machine; kAuto selects it if a usable GPU exists.
 bool uses_cuda(Device device);
 
-/// Runs one kernel on the GPU that `device` means (try_cuda_device), before anything is built on it. Throws DeviceError
-/// if that fails and `device` is kCuda; with kAuto warns once that the CPU is used although there is a GPU, and why.
+/// Tests the GPU that `device` selects by running one kernel on it (try_cuda_device), before anything else uses it. If
+/// that fails, throws DeviceError for kCuda; for kAuto warns once that the CPU is used despite a GPU, and why.
 void try_device(Device device);
 
-/// Returns the part of a run's options that concerns the backend.
+/// Returns the engine options that follow from a run's options.
 EngineOptions engine_options(const TrainOptions& options);
 
 /// Makes the engine of this process. Throws DeviceError for kCuda without a device, UsageError for GPU-only options on
 /// the CPU.
 std::unique_ptr<Engine> make_engine(Device device, const AppearanceSpec& appearance, const EngineOptions& options);
 
-/// Logs the device of a backend; for a kAuto that found no GPU also the reason.
+/// Logs the device of a backend, and the reason if kAuto found no GPU.
 void log_device(Device device, const Backend& backend);
 
-/// Makes the engine on which learned metrics compute. Throws DeviceError as make_backend does.
+/// Makes the engine that computes learned metrics. Throws DeviceError for kCuda without a usable device.
 std::unique_ptr<TensorEngine> choose_tensor_engine(Device device);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs the steps of the controllers until their number or the time is used up.
+// Runs the controllers' steps until their number or the time is used up.
 #include "lib/train/controllers.h"
 
 #include "lib/core/interrupt.h"
@@ -7,7 +7,7 @@
 namespace gs {
 namespace {
 
-/// The seconds of a time limit that finishing and writing the controllers may take.
+/// The part of a time limit reserved for finishing and writing the controllers, in seconds.
 constexpr double kEnd = 0.05;
 
 }  // namespace

@@ -10,27 +10,27 @@
 namespace gs {
 namespace {
 
-/// Positions (timeline.h), as the iterations of the reference have them.
+/// The constants are positions (timeline.h), equal to iterations of the reference trainer.
 
-/// Between Morton sorts, while rows are appended and while they are only relocated, and the least number of steps. What
-/// a view shows lies in few warps then, which spares more time than a sort takes.
+/// The interval of Morton sorts while rows are appended and while they are only relocated, and its minimum number of
+/// steps. After a sort the Gaussians of a view lie in few warps, which saves more time than the sort takes.
 constexpr double kMortonWhileGrowing = 100, kMortonInterval = 500, kLeastMortonSteps = 100;
-/// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown which are
-/// needed.
+/// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has revealed the needed
+/// Gaussians.
 constexpr double kPruneLargeFrom = 3000;
-/// ADC resets opacity once more, early, when a bright background could be taken for geometry.
+/// The position of ADC's extra early opacity reset, for backgrounds that could be mistaken for geometry.
 constexpr double kExtraReset = 500;
 
-/// Speedy-Splat's pruning (docs/math/densification.md#schedule) starts after two opacity resets have shown which
-/// Gaussians are needed.
+/// Speedy-Splat's pruning (docs/math/densification.md#schedule) starts after two opacity resets have revealed the
+/// needed Gaussians.
 constexpr double kScorePruneFrom = 6000, kScorePruneInterval = 3000;
-/// Shares removed. While ADC still grows missing Gaussians, most can go; afterwards nothing comes back.
+/// The removed shares. While ADC still regrows missing Gaussians, most can be removed; afterwards none are regrown.
 constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;
 
-/// Between densifications, and the least number of steps in which a Gaussian shows what it is good for.
+/// The interval of densifications, and its minimum number of steps, in which a Gaussian can prove useful.
 constexpr double kInterval = 100, kLeastSteps = 10;
 
-/// Returns `interval`, or a multiple of it with at least so many steps.
+/// Returns the smallest multiple of `interval` that lasts at least `least_steps` steps.
 double stretched(double interval, double least_steps, const ScheduleMoment& moment) {
     return interval * std::max(1.0, std::ceil(least_steps * moment.stride() / interval));
 }
@@ -44,7 +44,7 @@ DensificationWindow::DensificationWindow(const DensificationOptions& options)
 
 bool DensificationWindow::due(const ScheduleMoment& moment) const {
     if (!from.reached(moment) || until.exceeded(moment)) return false;
-    // Intervals count from the first densification, where both are on one scale.
+    // Intervals count from the first densification if both are on the same scale.
     const bool one_scale = interval.named() == from.named() || moment.position == double(moment.iteration);
     const double first = one_scale ? from.value() : 0;
     const double length = interval.named() ? interval.value() : stretched(kInterval, kLeastSteps, moment);
@@ -93,7 +93,7 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, const Sched
         p.cap = most ? most() : cap_;
         static_cast<DensifyStats&>(change) = backend.densify({p, moment.iteration, seed_});
     }
-    // Prune before the opacity reset, after which all Gaussians look alike.
+    // Prune before the opacity reset, which makes all Gaussians look alike.
     if (prunes_by_score(moment) && !window_.until.exceeded(moment)) prune(backend, kSoftRatio, change);
     const bool grew = change.added + change.cloned + change.split > 0;
     const double sorted_every = stretched(grew ? kMortonWhileGrowing : kMortonInterval, kLeastMortonSteps, moment);

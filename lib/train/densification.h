@@ -11,7 +11,7 @@
 
 namespace gs {
 
-/// The positions between steps of the active degree.
+/// The interval, in positions, at which the active degree rises.
 inline constexpr double kDegreeInterval = 1000;
 
 /// The part of a run in which the number of Gaussians changes.
@@ -19,8 +19,8 @@ struct DensificationWindow {
     explicit DensificationWindow(const DensificationOptions& options);
     ScheduleMark from, until, interval;
 
-    /// Returns whether an interval inside the window ends at `moment`. In short runs intervals are longer than their
-    /// share, so that new Gaussians have some steps to show what they are good for.
+    /// Returns whether an interval inside the window ends at `moment`. In short runs intervals span more positions, so
+    /// that new Gaussians get enough steps to prove useful.
     bool due(const ScheduleMoment& moment) const;
 };
 
@@ -29,29 +29,28 @@ struct ScheduledChange : DensifyStats {
     std::int64_t pruned_by_score = 0;
 };
 
-/// Changes the set of Gaussians: before_step() raises the degree, densifies, prunes, sorts along the Morton curve and
-/// resets opacities before each step, and after_step() prunes after it. A resumed run calls resume() first.
+/// Changes the set of Gaussians. Before each step, before_step() raises the degree, densifies, prunes, sorts along the
+/// Morton curve and resets opacities. After each step, after_step() prunes. A resumed run calls resume() first.
 class DensificationSchedule {
   public:
-    /// `black_background` spares ADC its early extra reset. `views` are all training views, for the scores of
-    /// Speedy-Splat's pruning. `extent` is in frame units.
+    /// `black_background` disables ADC's early extra opacity reset. `views` are all training views, used for the scores
+    /// of Speedy-Splat's pruning. `extent` is in frame units.
     DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent,
                           bool black_background, std::vector<RenderRequest> views);
 
-    /// Continues a run whose checkpoint has this degree.
+    /// Continues a run from a checkpoint with this active degree.
     void resume(int active_degree) { degree_ = active_degree; }
 
-    /// Runs the changes due before the step at `moment`. `hold_view_dependence` is read where the degree
-    /// would rise; with it colours do not depend on the view for now. `most` gives the largest number of Gaussians
-    /// where that is not options.cap_max. Returns the result of densification and pruning, all zero if they were not
-    /// due.
+    /// Runs the changes due before the step at `moment`. If `hold_view_dependence` is set when the degree would rise,
+    /// the degree becomes 0: colours do not depend on the view for now. `most` returns the largest number of Gaussians;
+    /// if empty, options.cap_max applies. Returns the result of densification and pruning, all zero if neither was due.
     ScheduledChange before_step(Backend& backend, const ScheduleMoment& moment, bool hold_view_dependence = false,
                                 const std::function<std::int64_t()>& most = {});
 
-    /// Runs the changes due after that step.
+    /// Runs the changes due after the step at `moment`.
     ScheduledChange after_step(Backend& backend, const ScheduleMoment& moment);
 
-    /// Returns the degree active in the last step: one more at position 1000, 2000, ..., unless it was held.
+    /// Returns the degree active in the last step. It rises by one at position 1000, 2000, ..., unless it is held.
     int active_degree() const { return degree_; }
 
   private:

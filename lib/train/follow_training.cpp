@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Brings ranks to the same views, and follows rank 0 through a training.
+// Gives all ranks the same views, and follows rank 0 through a training.
 #include "lib/train/follow_training.h"
 
 #include <fmt/format.h>
@@ -21,7 +21,7 @@
 namespace gs {
 namespace {
 
-/// Returns the build and all options in which ranks must agree, a line each.
+/// Returns the build, the kind of device and all options on which ranks must agree, one per line.
 std::string agreed_text(const TrainOptions& options) {
     std::string text = version_text() + "\n" + (uses_cuda(options.device) ? "a GPU\n" : "the CPU\n");
     for (const Option& option : train_option_table())
@@ -29,14 +29,14 @@ std::string agreed_text(const TrainOptions& options) {
     return text;
 }
 
-/// Writes the views that rank 0 trains on, by name and size.
+/// Writes name and size of the views that rank 0 trains on.
 void put_views(MessageWriter& message, const Scene& scene) {
     message.put(std::uint64_t(scene.train.size()));
     for (const View& view : scene.train) message.put(view.name).put(view.camera.width).put(view.camera.height);
 }
 
-/// Reads the views that rank 0 trains on, and leaves only these in `scene`, in that order. Throws DataError if one is
-/// missing here, or has another size.
+/// Reads the list of views that rank 0 trains on, and reduces `scene` to these views in that order. Throws DataError if
+/// a view is missing on this rank or has another size.
 void take_views(MessageReader& message, Scene& scene) {
     std::map<std::string, View> found;
     for (View& view : scene.train) found.emplace(view.name, std::move(view));
@@ -56,11 +56,11 @@ void take_views(MessageReader& message, Scene& scene) {
     }
 }
 
-/// The views of a training, from which a rank brings the images of steps.
+/// The views of a training, from which a rank other than 0 reads the images of its steps.
 struct TrainedScene {
     TrainedScene(const TrainOptions& run_options, const Scene& loaded, MessageReader& about)
         : options(run_options), scene(loaded) {
-        about.get(options.seed);  // of several runs each has its own
+        about.get(options.seed);  // each of several runs has its own seed
         about.get(views_per_step);
         take_views(about, scene);
     }

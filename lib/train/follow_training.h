@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the ranks of a training agree on, and what those other than 0 do in it.
+// The agreement of a training's ranks on build and options, and the part of the ranks other than 0.
 #pragma once
 
 #include "lib/core/train_options.h"
@@ -9,16 +9,16 @@
 
 namespace gs {
 
-/// Makes sure that all ranks have the same build and the same options (RankGroup::agree).
+/// Checks that all ranks have the same build and the same options (RankGroup::agree). Throws UsageError.
 void agree_on_options(RankGroup& group, const TrainOptions& options);
 
-/// Returns the views of a training's steps (options.batch), for make_backend. The other ranks of `group`, which may be
-/// null, read the images of `scene` that they render.
+/// Returns the views of a training's steps (options.batch), for make_backend. `group` may be null; its other ranks read
+/// the images of `scene` that they render.
 StepViews step_views(const TrainOptions& options, const Scene& scene, const RankGroup* group);
 
-/// Follows one training after another as a rank other than 0, until rank 0 ends. Throws DataError naming a missing file
-/// or view, UsageError naming the option that differs from rank 0's, and DeviceError without a message if rank 0
-/// reports the error.
+/// Takes part in one training after another as a rank other than 0, until rank 0 ends. Throws DataError naming a
+/// missing file or view, UsageError naming the option that differs from rank 0's, and DeviceError without a message if
+/// rank 0 reports the error.
 void follow_training(RankGroup& group, TrainOptions options);
 
 }  // namespace gs

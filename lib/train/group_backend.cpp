@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells the other ranks what to hold, and follows rank 0 there.
+// Sends the backend's settings to the other ranks, and follows rank 0 on them.
 #include "lib/train/group_backend.h"
 
 #include <fmt/format.h>
@@ -26,7 +26,7 @@ std::string_view variable(const char* name) {
     return value ? value : "";
 }
 bool may_share_gpus() { return !variable("GSAPP_SHARE_GPUS").empty() && variable("GSAPP_SHARE_GPUS") != "0"; }
-/// Returns whether Slurm shows each task only GPUs of its own.
+/// Returns whether Slurm makes only its own GPUs visible to each task.
 bool slurm_binds_gpus() {
     return !variable("SLURM_GPUS_PER_TASK").empty() || !variable("SLURM_GPU_BIND").empty() ||
            !variable("SLURM_TRES_PER_TASK").empty();
@@ -46,7 +46,7 @@ int num_local_ranks(const TrainOptions& options) {
 
 void choose_device(const RankGroup& group, Device device) {
     const int count = uses_cuda(device) ? cuda_device_count() : 0;
-    if (count == 0) return;  // make_backend says why, where a GPU was asked for
+    if (count == 0) return;  // make_backend reports the reason if a GPU was requested
     if (group.local_size() > count && !may_share_gpus() && !(count == 1 && slurm_binds_gpus()))
         throw UsageError(
             fmt::format("{} processes of this machine would share {} GPU{}; start as many as there are, "
@@ -104,7 +104,7 @@ void follow_command(RankGroup& group, const std::string& started_as) {
     group.follow([&] {
         group.agree(started_as);
         follow_backends(group, [](MessageReader& message) -> TargetSource {
-            if (message.at_end()) return {};  // no steps are taken
+            if (message.at_end()) return {};  // the command takes no steps
             std::vector<Image> images(message.get<std::uint64_t>());
             for (Image& image : images)
                 message.get(image.width), message.get(image.height), message.get(image.channels), message.get(image.u8);
@@ -122,7 +122,7 @@ std::string started_as(const std::string& command) { return version_text() + "\n
 
 int views_of_step(const std::optional<int>& batch, const RankGroup* group) {
     if (batch) return *batch;
-    return group ? std::min(group->size(), int(kLogInterval)) : 1;  // steps end at multiples of it
+    return group ? std::min(group->size(), int(kLogInterval)) : 1;  // steps end at multiples of kLogInterval
 }
 
 int threads_of_rank(const RankGroup& group, int wanted) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Puts events into lines of JSON.
+// Converts events to lines of JSON.
 #include "lib/train/journal.h"
 
 #include <algorithm>
@@ -22,7 +22,7 @@ void Journal::resume(std::int64_t iteration, bool at_end) {
 }
 
 void Journal::write(nlohmann::json line) {
-    check_folder();  // or the lines would go to a file that nobody can find any more
+    check_folder();  // otherwise the lines would go to a file that is no longer in any folder
     if (lines_are_final_) line["final"] = true;
     log_->write(line);
     if (tensorboard_) tensorboard_->add_line(line);

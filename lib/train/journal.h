@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Notes what happens in a training: in stats/train.jsonl, in TensorBoard, and as messages.
+// Records the events of a training in stats/train.jsonl, in TensorBoard, and as log messages.
 #pragma once
 
 #include <cstdint>
@@ -19,19 +19,19 @@
 
 namespace gs {
 
-/// The state after some steps, as the log tells it.
+/// The state of a training after some steps, as one line of the log.
 struct StepLine {
     StepStats stats;
     std::int64_t num_gaussians = 0;
     int active_degree = 0;
-    double seconds = 0;            ///< since the line before
-    double data_wait_seconds = 0;  ///< that steps waited for images, since the run began or was resumed
-    double train_seconds = 0;      ///< of the whole training
-    StepRates rates;               ///< of the last step
+    double seconds = 0;            ///< seconds since the previous line
+    double data_wait_seconds = 0;  ///< waiting time of steps for images since the run began or was resumed
+    double train_seconds = 0;      ///< training time of the whole run
+    StepRates rates;               ///< learning rates of the last step
 };
 
-/// Writes one line for each event of a training. open() or resume() comes first, begin_final_lines() after the last
-/// checkpoint and close() after the last line. All functions that write throw DataError once the run folder is gone.
+/// Writes one line for each event of a training. Call open() or resume() first, begin_final_lines() after the last
+/// checkpoint, and close() after the last line. All functions that write throw DataError once the run folder is gone.
 class Journal {
   public:
     /// `lock` and `tensorboard` may be null; the latter must outlive the object.
@@ -42,26 +42,27 @@ class Journal {
     void open();
     /// Continues the log after `iteration`; `at_end` as for TrainLog.
     void resume(std::int64_t iteration, bool at_end);
-    /// Marks all further lines as "final": they come after the last checkpoint, and who resumes from it writes them
+    /// Marks all further lines as "final". They come after the last checkpoint, so a run resumed from it writes them
     /// again.
     void begin_final_lines() { lines_are_final_ = true; }
-    /// Ends the log. Throws DataError when lines are missing in the file.
+    /// Ends the log. Throws DataError if lines could not be written to the file.
     void close() { log_->close(); }
 
-    // Events. `iteration` counts from 1: the step that an event belongs to, or the last one before it.
-    /// Writes any event, which must have "event" and "iteration".
+    // Events. `iteration`, from 1, is the step to which an event belongs, or the last step before it.
+    /// Writes any event. `line` must have "event" and "iteration".
     void write(nlohmann::json line);
     void write_step(const StepLine& line, std::int64_t iteration);
     /// Writes a change of the set of Gaussians; no line if nothing changed.
     void write_change(const ScheduledChange& change, std::int64_t iteration);
     void write_residuals(const ResidualChange& change, std::int64_t num_gaussians, std::int64_t iteration);
     void write_photometric(const PhotometricDecision& decision, std::int64_t iteration);
-    /// Writes that Gaussians were removed for `parameters` that were not finite, which are counted in words.
+    /// Writes that Gaussians were removed for parameters that were not finite or out of range. `parameters` is their
+    /// count by group, in words.
     void write_nonfinite(std::int64_t removed, const std::string& parameters, std::int64_t iteration);
     void write_evaluation(const TestScores& scores, std::int64_t iteration);
     void write_target(const MeasuredModel& measured);
 
-    /// Returns the decision of --ppisp auto, with its figure, also of an earlier part of the run; empty if there is
+    /// Returns the decision of --ppisp auto, with its measured value, also from before a resume; empty if there is
     /// none.
     const std::string& photometric_reason() const { return photometric_reason_; }
 
@@ -75,7 +76,7 @@ class Journal {
     TensorBoard* const tensorboard_;
     std::optional<TrainLog> log_;
     bool lines_are_final_ = false;
-    double earlier_wait_ = 0;  ///< StepLine::data_wait_seconds of the line before
+    double earlier_wait_ = 0;  ///< StepLine::data_wait_seconds of the previous line
     std::string photometric_reason_;
 };
 

@@ -11,22 +11,23 @@
 namespace gs {
 namespace {
 
-/// The camera spacing, in frame units, at which rates that depend on it have their plain values.
+/// The camera spacing, in frame units, at which the rates that depend on it are unscaled.
 constexpr double kNeutral = 0.3536;
 
-/// The position from which rates fall to their last share, along a half cosine.
+/// The position from which rates fall to their final share, along a half cosine.
 constexpr double kFallFrom = 20000;
 
-/// The same for opacities where Gaussians lose their residuals: after MCMC has ended, so that what is to fade has
-/// faded. bonsai would end with a quarter more Gaussians otherwise (docs/math/residuals.md#when-opacities-may-rest).
+/// The same for opacities if Gaussians lose their residuals. It is after the end of MCMC, so that unneeded Gaussians
+/// have faded. Otherwise bonsai would end with a quarter more Gaussians
+/// (docs/math/residuals.md#when-opacities-may-rest).
 constexpr double kMixedOpacitiesFallFrom = 26000;
 
-/// The pace from which a run counts as short, that of 10,000 iterations.
+/// The pace above which a run counts as short: that of 10,000 iterations.
 constexpr double kShortPace = 3;
-/// The --feature-lr that the models' rates are made for.
+/// The --feature-lr for which the models' rates are defined.
 constexpr double kUsualFeatureRate = 0.0025;
 
-/// The pace beyond which rates do not rise, that of 100 iterations.
+/// The pace above which rates do not rise further: that of 100 iterations.
 constexpr double kLongestPace = 300;
 
 double fall_at(double position, double last, double from = kFallFrom) {

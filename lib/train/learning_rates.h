@@ -10,16 +10,17 @@
 
 namespace gs {
 
-/// The schedules of one run.
+/// The learning rate schedules of one run.
 class LearningRates {
   public:
     LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene);
 
-    /// Returns the rates (and, with MCMC, the noise factor) of the step at `moment`, without that of PPISP.
+    /// Returns the learning rates (and, with MCMC, the noise factor) of the step at `moment`, without the rate of
+    /// PPISP.
     StepRates at(const ScheduleMoment& moment) const;
 
-    /// Logs the rates that depend on the camera spacing, in the scene's unit; a look at them helps when a scene trains
-    /// oddly. `options` must be those of the constructor.
+    /// Logs the rates that depend on the camera spacing, and the spacing in frame units, to help diagnose a scene that
+    /// trains badly. `options` must be those of the constructor.
     void log(const TrainOptions& options) const;
 
   private:
@@ -33,13 +34,13 @@ class LearningRates {
     float extent_, far_rate_;
 };
 
-/// Returns the rate of the opacity logits: `opacity_lr`, or without one (auto) 0.025 (0.3536/d)^-0.6 for cameras
-/// `camera_spacing` = d apart, kept in 0.025..0.05. This is close to the default of ADC in dense captures and to that
-/// of MCMC in sparse ones.
+/// Returns the learning rate of the opacity logits: `opacity_lr`, or if that is empty (auto) 0.025 (0.3536/d)^-0.6 for
+/// `camera_spacing` = d, clamped to 0.025..0.05. The automatic rate is close to the default of ADC in dense captures
+/// and to that of MCMC in sparse captures.
 double opacity_rate(const std::optional<double>& opacity_lr, double camera_spacing);
 
-/// Returns the mean distance of a training camera to its 3 nearest neighbours, frame units, at least 1e-6. For a single
-/// camera it is 0.3536, the distance that leaves rates as they are.
+/// Returns the mean distance of a camera of `views` to its 3 nearest neighbours, in frame units, at least 1e-6. For
+/// fewer than two cameras returns 0.3536, the spacing that leaves rates unchanged.
 double camera_spacing(const std::vector<View>& views);
 
 }  // namespace gs

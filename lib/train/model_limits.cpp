@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures frames, and removes Gaussians until the limits hold.
+// Measures render times, and removes Gaussians until the limits hold.
 #include "lib/train/model_limits.h"
 
 #include <fmt/format.h>
@@ -16,15 +16,15 @@
 namespace gs {
 namespace {
 
-/// The views and rounds of one measurement.
+/// The numbers of views and rounds of one measurement.
 constexpr std::size_t kTimedViews = 3, kFrameViews = 9;
 constexpr int kFrameRounds = 2;
-/// The time of scoring a view over that of its frame, and some more, since frames take longer with more Gaussians.
+/// The time of scoring a view relative to rendering it, with a margin, since frames take longer with more Gaussians.
 constexpr double kScorePerFrame = 4;
-/// The growth after which frames are measured again.
+/// The growth factor after which frames are measured again.
 constexpr double kGrowth = 1.1;
-/// The most rounds of pruning to a frame time, the share of the limit that they aim at, and the least and most that one
-/// removes: measured times scatter, and what is gone does not come back.
+/// The maximum number of pruning rounds for a frame limit, the share of the limit that they aim at, and the smallest
+/// and largest share of Gaussians that one round removes: measured times scatter, and removed Gaussians do not return.
 constexpr int kPruneRounds = 6;
 constexpr double kAim = 0.98, kLeastPruned = 0.02, kMostPruned = 0.5;
 
@@ -98,14 +98,14 @@ double ModelLimits::seconds_to_prune(Backend& backend) const {
     if (most_at_end_ == 0 && frame_limit_ == 0) return 0;
     const double scores = kScorePerFrame * double(scene_.train.size()) * view_seconds(backend);
     if (frame_limit_ == 0) return scores;
-    // Frames at the end take about the limit; a round of them warms up.
+    // Frames at the end take about the limit; one more round is the warm-up.
     const double frames = double(kFrameViews) * (kFrameRounds + 1) * frame_limit_;
     return kPruneRounds * (scores + frames) + frames;
 }
 
 void ModelLimits::prune_to(Backend& backend, std::int64_t most, const char* asks) const {
     const std::int64_t before = backend.count();
-    // More than one round only where a hundredth, which always stays, is too much.
+    // More than one round is needed only if the hundredth that a round always leaves is too much.
     for (std::int64_t count = before; count > most; count = backend.count()) {
         // prune_lowest_scores() removes floor(ratio (count - 1)) + 1 (docs/math/densification.md#pruning-by-score).
         const double ratio = (double(count - most) - 0.5) / double(std::max<std::int64_t>(1, count - 1));
@@ -128,7 +128,8 @@ void ModelLimits::prune(Backend& backend) const {
                         backend.count(), 1e3 * seconds);
             return;
         }
-        // As if time were proportional to the number at first, then along the line through two measurements.
+        // The first estimate takes the time as proportional to the number; later ones use the line through two
+        // measurements.
         double most = count * kAim * frame_limit_ / seconds;
         if (earlier_seconds > seconds)
             most = count - (seconds - kAim * frame_limit_) * (earlier_count - count) / (earlier_seconds - seconds);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Says after which iterations the options ask for files, pictures or scores.
+// Determines the iterations after which the options request files, previews or scores.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace gs {
 
-/// Returns whether `iterations`, the list of an option, has this iteration.
+/// Returns whether `iterations`, the list of an option, contains `iteration`.
 inline bool lists(const std::vector<std::int64_t>& iterations, std::int64_t iteration) {
     return std::find(iterations.begin(), iterations.end(), iteration) != iterations.end();
 }
@@ -26,7 +26,7 @@ inline bool output_is_due(const OutputOptions& options, std::int64_t iteration) 
            lists(options.save_iterations, iteration) || lists(options.test_iterations, iteration);
 }
 
-/// Returns the first iteration after this one for which output_is_due(); the largest number if there is none.
+/// Returns the first iteration after `iteration` for which output_is_due() holds; the largest integer if there is none.
 inline std::int64_t next_output(const OutputOptions& options, std::int64_t iteration) {
     std::int64_t next = std::numeric_limits<std::int64_t>::max();
     if (options.preview_every) next = (iteration / *options.preview_every + 1) * *options.preview_every;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures how much photographs differ in exposure and white balance, and handles it with PPISP.
+// Measures differences of photographs in exposure and white balance, and corrects them with PPISP.
 #include "lib/train/photometric.h"
 
 #include <fmt/format.h>
@@ -18,17 +18,18 @@
 namespace gs {
 namespace {
 
-/// Enough images for a standard deviation to within 9 %.
+/// The largest number of images: enough for a standard deviation to within 9 %.
 constexpr std::size_t kMaxImages = 64;
 constexpr int kGrid = 4, kBlocks = kGrid * kGrid;
-/// The mean value below which a block is only noise and rounding.
+/// The mean value below which a block contains only noise and rounding errors.
 constexpr double kDark = 0.02;
-/// An image with fewer blocks left says nothing about its scatter and is not used.
+/// The minimum number of usable blocks of an image. With fewer, its scatter cannot be estimated, and the image is not
+/// used.
 constexpr int kFewestBlocks = 4;
 
 using Blocks = std::array<std::optional<double>, kBlocks>;
 
-/// Returns log2 of image over render for each block of one channel.
+/// Returns log2(image / render) for each block of one channel.
 Blocks log_ratios(const ViewImage& image, const RenderedImage& render, const Vec3<float>& background, int channel) {
     const Image& color = image.color;
     const double behind = channel == 0 ? background.x : channel == 1 ? background.y : background.z;
@@ -52,7 +53,7 @@ Blocks log_ratios(const ViewImage& image, const RenderedImage& render, const Vec
     return out;
 }
 
-/// Subtracts from each block the median of that block over all images.
+/// Subtracts from each block its median over all images.
 void remove_common(std::vector<Blocks>& images) {
     for (std::size_t b = 0; b < kBlocks; ++b) {
         std::vector<double> values;
@@ -65,7 +66,7 @@ void remove_common(std::vector<Blocks>& images) {
     }
 }
 
-/// Returns the variance between images less that of the mean of an image's blocks.
+/// Returns the variance between images minus the variance of the mean of an image's blocks.
 double variance_of_images(const std::vector<Blocks>& images) {
     double sum = 0, sum_squares = 0, scatter = 0, count = 0;
     for (const Blocks& image : images) {
@@ -86,7 +87,7 @@ bool same_pixels(const Image& a, const Image& b) {
     return a.width == b.width && a.height == b.height && a.u8 == b.u8 && a.f32 == b.f32;
 }
 
-/// The number of names that a message lists.
+/// The largest number of names listed in a message.
 constexpr std::size_t kNamed = 3;
 
 bool may_decide(double position, std::int64_t iteration) {
@@ -214,7 +215,7 @@ void Photometric::take_from(const std::filesystem::path& path) {
     std::copy(from.state.param.begin() + std::ptrdiff_t(from.state.camera_offset(0)), from.state.param.end(),
               initial_.param.begin() + std::ptrdiff_t(initial_.camera_offset(0)));
     initial_.controller = std::move(from.state.controller);
-    file_.mean_exif = from.mean_exif;  // the value with which the controller was trained
+    file_.mean_exif = from.mean_exif;  // the value used to train the controller
     frozen_ = true;
 }
 

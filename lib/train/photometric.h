@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Handles photometric differences between a run's images: measures whether they differ in ways that no scene explains,
-// and has PPISP off, on, decided by that, or taken from another run.
+// Handles photometric differences between a run's images. Measures differences that the scene cannot explain, and
+// switches PPISP off, on, by that measurement, or takes it from another run.
 #pragma once
 
 #include <cstddef>
@@ -19,40 +19,40 @@
 
 namespace gs {
 
-/// With --ppisp auto the correction is on if the images vary by more than this, in stops. The value is the geometric
-/// middle between the scenes whose images are known to be alike (0.02 to 0.05; the largest are lego, and builtin:shadow
+/// The variation of the images, in stops, above which --ppisp auto switches the correction on. The value is the
+/// geometric mean between the scenes with consistent exposure (0.02 to 0.05; the largest are lego, and builtin:shadow
 /// with its moving shadow) and the lowest of the others (bonsai 0.11; builtin:exposure 0.53).
 inline constexpr double kPhotometricThreshold = 0.075;
 
-/// Whether photographs differ in ways that no scene explains: exposure, white balance.
+/// The photometric variation of photographs that the scene cannot explain: exposure and white balance.
 struct PhotometricVariation {
-    double stops = 0;             ///< standard deviation over the images of the brightness common to a whole image
+    double stops = 0;             ///< standard deviation, over the images, of the brightness common to a whole image
     int num_images = 0;           ///< number of images compared
-    std::string nothing_to_tell;  ///< reason why there is no figure; empty if there is one
+    std::string nothing_to_tell;  ///< reason for a missing measurement; empty if there is a measurement
 };
 
-/// Compares up to 64 training images, spread over the scene, with renders of a model whose colour does not depend on
-/// the view and which so cannot follow single images. Measures how much brighter or darker whole images are than their
-/// render, per channel.
+/// Compares up to 64 training images, evenly spaced in the list, with renders of a model. The model's colours must not
+/// depend on the view, so that it cannot adapt to single images. Measures per channel how much brighter or darker whole
+/// images are than their renders.
 ///
-/// An image is cut into 4x4 blocks; each gives log2(sum of the image / sum of the render). The part that all images
-/// have in common at a block (vignetting, a model that is still too dark) is subtracted. An exposure moves all blocks
-/// of an image alike; an error of geometry or a highlight moves some. So the variance between images, less the part
-/// that the scatter within them accounts for, is that of exposure and white balance. `stops` is its root, root mean
-/// square over the channels. Masked and transparent pixels do not count.
+/// An image is divided into 4x4 blocks; each block yields log2(sum of the image / sum of the render). The part common
+/// to all images at a block (vignetting, a model that is still too dark) is subtracted. A change of exposure shifts all
+/// blocks of an image equally; an error of geometry or a highlight shifts only some. So the variance between images,
+/// minus the part due to the scatter within them, is the variance of exposure and white balance. `stops` is the square
+/// root of its mean over the channels. Masked and transparent pixels do not count.
 PhotometricVariation measure_variation(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
                                        const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
 
-/// The position at which --ppisp auto decides, and the least iterations before it. It is late enough for a rough scene,
-/// and early enough that colour does not depend on the view much (degree 1 begins here).
+/// The position at which --ppisp auto decides, and the minimum number of iterations before the decision. The position
+/// is late enough for a rough scene, and early enough that colour hardly depends on the view (degree 1 begins here).
 inline constexpr double kPhotometricDecision = 1000;
 inline constexpr std::int64_t kLeastIterations = 500;
 
-/// The standard deviation of the exposures, in stops, above which view dependence waits. It lies between scenes that
-/// need no waiting (bonsai at 200 pixels: 0.10) and those that lose without it (builtin:exposure: 0.21 after 1000
-/// iterations, 0.4 after 4000).
+/// The standard deviation of the exposures, in stops, above which view dependence is delayed. It lies between scenes
+/// that need no delay (bonsai at 200 pixels: 0.10) and scenes that lose quality without a delay (builtin:exposure: 0.21
+/// after 1000 iterations, 0.4 after 4000).
 inline constexpr double kSpreadThatHolds = 0.15;
-/// The position from which on colours depend on the view in any case.
+/// The position from which colours depend on the view in any case.
 inline constexpr double kLongestHold = 10000;
 
 /// The decision of --ppisp auto.
@@ -63,53 +63,53 @@ struct PhotometricDecision {
 /// Describes a decision, e.g. "on: images vary by 0.550 stops, threshold 0.075".
 std::string describe(const PhotometricDecision& decision);
 
-/// Returns the rate of PPISP's parameters `distance` positions after they began: `rate` after a slow start, falling by
-/// a factor of 100 in 30000 (docs/math/ppisp.md#optimizer). The distance is negative where the schedule of a later
-/// segment begins before PPISP did; the rate is then the first.
+/// Returns the learning rate of PPISP's parameters `distance` positions after PPISP began: a warm-up to `rate`, then a
+/// decay by a factor of 100 in 30000 positions (docs/math/ppisp.md#optimizer). `distance` is negative if the schedule
+/// of a later segment begins before the position at which PPISP began; the rate is then the initial one.
 double ppisp_rate(double rate, double distance);
 /// The learning rate of the controllers' weights.
 inline constexpr double kControllerRate = 0.001;
 
 /// PPISP in a run: off, on, decided by the images, or taken from another run. A new run begins with initial_state(), a
-/// resumed one with resume(). decide() precedes every step, whose request apply() completes. Controllers come after the
-/// last change of the Gaussians: add_controllers(), then apply_controller() for each of their steps.
+/// resumed run with resume(). Before every step, call decide(), then apply() on the step's request. After the last
+/// change of the Gaussians, call add_controllers(), then apply_controller() for each controller step.
 class Photometric {
   public:
-    /// Reads options.ppisp_from and matches it with the training images by name. Throws DataError if an image or camera
-    /// has no counterpart there, UsageError if only one of the two runs uses EXIF. Both arguments must outlive the
-    /// object.
+    /// Reads options.ppisp_from, if set, and matches it with the training images by name. Throws DataError if an image
+    /// has no counterpart there or the numbers of cameras differ, UsageError if only one of the two runs uses EXIF.
+    /// Both arguments must outlive the object.
     Photometric(const TrainOptions& options, const Scene& scene);
 
-    /// Returns the state with which a new run begins; inactive if PPISP is off or not yet decided.
+    /// Returns the PPISP state with which a new run begins; inactive if PPISP is off or not yet decided.
     const PpispState& initial_state() const { return initial_; }
 
-    /// Continues a run at `moment`. If PPISP is on but the checkpoint has none, PPISP begins there.
-    /// Throws UsageError for a checkpoint with PPISP when it is off, DataError for one with other numbers of images or
-    /// cameras.
+    /// Continues a run at `moment`. If PPISP is on but the checkpoint has no PPISP state, PPISP begins at `moment`.
+    /// Throws UsageError for a checkpoint with PPISP if PPISP is off, DataError for a checkpoint with other numbers of
+    /// images or cameras.
     void resume(Gaussians& state, const ScheduleMoment& moment);
 
-    /// Decides before the step at `moment` if auto is due, and gives the backend its first state. Returns nothing if
-    /// no decision was due.
+    /// Makes the decision of --ppisp auto if it is due before the step at `moment`, and if PPISP is switched on uploads
+    /// its initial state to the backend. Returns nothing if no decision was due.
     std::optional<PhotometricDecision> decide(
         Backend& backend, const ScheduleMoment& moment, const Vec3<float>& background,
         const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
 
-    /// Returns true if colours should not yet depend on the view: the exposures found so far differ by more than
-    /// kSpreadThatHolds, and the first third of the run is not over. View dependence would otherwise absorb some of the
-    /// exposure for good.
+    /// Returns whether colours should not yet depend on the view: the standard deviation of the learned exposures
+    /// exceeds kSpreadThatHolds, and the first third of the run is not over. Otherwise view dependence would
+    /// permanently absorb part of the exposure.
     bool holds_view_dependence(Backend& backend, const ScheduleMoment& moment);
 
-    /// Corrects training image `view` by its own values.
+    /// Sets `request` to correct training image `view` by the image's own parameters.
     void apply(std::size_t view, const ScheduleMoment& moment, StepRequest& request) const;
 
-    /// Returns true if controllers are to be trained when the Gaussians are done.
+    /// Returns whether controllers are to be trained after the Gaussians.
     bool trains_controllers() const { return active_ && !frozen_ && options_.controller_iterations != 0; }
     void add_controllers(Backend& backend) const;
-    /// Corrects training image `view` by its camera's controller.
+    /// Sets `request` to correct training image `view` by its camera's controller.
     void apply_controller(std::size_t view, StepRequest& request) const;
 
     bool active() const { return active_; }
-    /// Logs how well exposures agree with EXIF, if images have it.
+    /// Logs how well the learned exposures agree with EXIF, if the images have EXIF exposures.
     void report(Backend& backend) const;
     /// Writes ppisp.json if PPISP is active. Throws DataError.
     void save(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const;
@@ -122,9 +122,9 @@ class Photometric {
     const PhotometricOptions options_;
     const bool exif_;
     const std::uint64_t seed_;
-    const double longest_hold_;  ///< position from which on colours depend on the view in any case
+    const double longest_hold_;  ///< position from which colours depend on the view in any case
     const Scene& scene_;
-    PpispFile file_;  ///< the fields of ppisp.json besides the numbers
+    PpispFile file_;  ///< fields of ppisp.json other than the parameters
     PpispState initial_;
     bool active_ = false, frozen_ = false, held_ = false;
     double first_ = 0;  ///< position of PPISP's first step

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes residuals away by what they are worth.
+// Removes residuals in the order of their value.
 #include "lib/train/residual_share.h"
 
 #include <fmt/format.h>
@@ -16,22 +16,22 @@ namespace gs {
 namespace {
 
 constexpr int kNumStages = int(std::size(kResidualStages));
-/// The part of the tolerance that may be lost at once before the search ends: the stages before have cost something,
+/// The part of the tolerance that the immediate loss may use before the search ends; the earlier stages have used some,
 /// too.
 constexpr double kPartAtOnce = 0.25;
-/// Each further step of the search keeps this much of the last one.
+/// The share of residuals that each further step of the search keeps.
 constexpr double kShareStep = 0.9;
-/// The views on which the search measures: enough for a hundredth of a decibel.
+/// The largest number of views on which the search measures, enough for a hundredth of a decibel.
 constexpr std::size_t kMostViews = 32;
-/// The views that say what goes before the last stage, since later stages look again: what is worth least shows in few.
-/// At the end all views are looked at, although little goes. What none of a few views shows is worth nothing to them,
-/// and nothing makes up for it any more.
+/// The largest number of views that rank residuals before the last stage. A few views suffice to find the least
+/// valuable residuals, since later stages rank again. From the last stage on all views are used: a Gaussian that none
+/// of a few views shows would get the value 0, and its loss could no longer be recovered.
 constexpr std::size_t kFewViews = 64;
 
-/// The rows in the order of what their residuals are worth.
+/// The rows ranked by the value of their residuals.
 class Ranking {
   public:
-    /// The first rows of equal worths come first, and what is no number last.
+    /// Of equal values the first row ranks first; NaN ranks last.
     Ranking(const std::vector<float>& worth, std::int64_t num_residuals) : ranks_(worth.size(), kNone) {
         std::vector<std::uint32_t> order(static_cast<std::size_t>(num_residuals));
         std::iota(order.begin(), order.end(), 0u);
@@ -40,7 +40,7 @@ class Ranking {
                          [&](std::uint32_t a, std::uint32_t b) { return value(a) > value(b); });
         for (std::size_t k = 0; k < order.size(); ++k) ranks_[order[k]] = std::uint32_t(k);
     }
-    /// Marks the `kept` best rows, and follows them as Backend::keep_residuals moves them.
+    /// Marks the `kept` best rows, and reorders the ranks as Backend::keep_residuals moves the rows.
     std::vector<std::uint8_t> keep(std::int64_t kept) {
         std::vector<std::uint8_t> marks;
         for (const std::uint32_t rank : ranks_) marks.push_back(rank < kept);
@@ -53,7 +53,7 @@ class Ranking {
     std::vector<std::uint32_t> ranks_;
 };
 
-/// Moves what belongs to rows, three values each, as Backend::keep_residuals moves these.
+/// Reorders `values`, three per row, as Backend::keep_residuals moves the rows.
 void move_rows(std::vector<float>& values, const std::vector<std::uint8_t>& marks) {
     std::vector<float> out;
     out.reserve(values.size());
@@ -71,7 +71,7 @@ int stage_at(const ScheduleMoment& moment) {
     return due;
 }
 
-/// Returns half the squared error of each of the sampled views.
+/// Returns half the squared error of each sampled view.
 std::vector<double> view_errors(Backend& backend, std::size_t num_views, const StepSource& step_on) {
     const std::size_t sampled = std::min(num_views, kMostViews);
     std::vector<double> errors;
@@ -80,15 +80,15 @@ std::vector<double> view_errors(Backend& backend, std::size_t num_views, const S
     return errors;
 }
 
-/// Returns the scores by at most `most` views, spread over all.
+/// Returns the residual scores from at most `most` views, evenly spaced in the list.
 ResidualScores scores_by_views(Backend& backend, std::size_t num_views, std::size_t most, const StepSource& step_on) {
     const std::size_t sampled = std::min(num_views, most);
     return backend.residual_scores(sampled, [&](std::size_t k) { return step_on(k * num_views / sampled); });
 }
 
-/// Returns by how many decibels the PSNR fell, on average.
+/// Returns the mean loss of PSNR in dB.
 double mean_loss(const std::vector<double>& before, const std::vector<double>& after) {
-    constexpr double kLeast = 1e-12;  // of views that are met exactly, or masked
+    constexpr double kLeast = 1e-12;  // for views with zero error, or fully masked
     double sum = 0, count = 0;
     for (std::size_t k = 0; k < before.size(); ++k)
         if (std::isfinite(before[k]) && std::isfinite(after[k]))
@@ -120,7 +120,7 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
     if (stage == 0) return std::nullopt;
     const bool last = stage == kNumStages, searches = last && !share_;
     ResidualChange change;
-    // With densification over, what cannot be seen now never will be: it takes no part in the share.
+    // Densification is over, so Gaussians that are invisible now stay so; the share does not count them.
     if (last) change.pruned = backend.prune_invisible();
     change.before = change.after = backend.num_residuals();
     const double share = std::pow(share_.value_or(kMostAutoShare), double(stage) / kNumStages);

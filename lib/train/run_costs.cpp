@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Logs the memory plan, and adds up the costs of the steps to come, relative to those that were measured.
+// Logs the memory plan, and estimates the cost of the remaining steps from the measured steps.
 #include "lib/train/run_costs.h"
 
 #include <fmt/format.h>
@@ -18,12 +18,12 @@
 namespace gs {
 namespace {
 
-/// The time of a pixel over that of a Gaussian in a step on the CPU. Measured on two cores without other load: 0.27 us
-/// a Gaussian, and 0.10 us a pixel of bonsai at 200x133, 0.11 us of builtin:glossy.
+/// The time of a pixel relative to a Gaussian in a step on the CPU. Measured on two idle cores: 0.27 us per Gaussian,
+/// and per pixel 0.10 us for bonsai at 200x133 and 0.11 us for builtin:glossy.
 constexpr double kPixelPerGaussian = 0.4;
-/// The seconds of steps from which the time of a training is estimated, and the estimate from which on it is said.
+/// The seconds of steps needed for an estimate of the training time, and the smallest estimate that is reported.
 constexpr double kMeasuredSeconds = 3, kLongTraining = 3600;
-/// The most steps that are looked at one by one. Those of a longer run stand for several.
+/// The largest number of steps that are evaluated one by one. In a longer run each evaluated step represents several.
 constexpr std::int64_t kMostSamples = 30000;
 
 }  // namespace
@@ -38,9 +38,9 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
     }
     const double budget = double(options.image_cache.count);
     const int residual = appearance_model(appearance.model).residual_width(appearance.max_degree);
-    // Bytes of the parameters, two Adam moments and the buffers of a step. CPU: splat 40, tile list and counts 8, depth
-    // key 8, last step 4 bytes; image, transmittance, gradient, target, nine SSIM derivative maps. CUDA: the values
-    // that `gsapp bench` prints.
+    // Bytes of the parameters, two Adam moments and the buffers of a step. CPU, per Gaussian: splat 40, tile list and
+    // counts 8, depth key 8, last step 4 bytes; per pixel: image, transmittance, gradient, target, nine SSIM derivative
+    // maps. CUDA: the values printed by `gsapp bench`.
     const bool cuda = uses_cuda(options.device);
     const bool packed = cuda && options.appearance_moments == AppearanceMoments::kBf16;
     const double per_gaussian = 12.0 * (3 + 3 + 4 + 1 + 3) + (packed ? 8.0 : 12.0) * residual + (cuda ? 104 : 60),

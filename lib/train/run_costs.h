@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells the costs of a run: its memory before it starts and after, the data that ranks exchanged, and the time of a
-// training on the CPU, from its first steps.
+// Reports the costs of a run: its memory before and after, the data that ranks exchanged, and the time of a training on
+// the CPU, estimated from its first steps.
 #pragma once
 
 #include <cstdint>
@@ -12,38 +12,39 @@
 
 namespace gs {
 
-/// Logs the memory of the images against their budget, of the model at its start and at the cap, and of one view. Warns
-/// when the sum exceeds the machine's memory.
+/// Logs the planned memory: images against their budget, the model at its start and at the cap, and one view. Warns if
+/// the sum exceeds the machine's memory.
 void log_memory_plan(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance,
                      std::int64_t num_gaussians);
 
-/// Returns one line: peak and present bytes of the device, and each row with its bytes per item.
+/// Returns one line with the peak and current memory of the device, and each row with its bytes per item.
 std::string memory_report(const MemoryUse& memory);
 
-/// Logs how much data rank 0 sent in a step, and the share of the steps' time that went into exchanges.
+/// Logs the mean data that rank 0 sent in a step, and the share of the steps' time spent in exchanges.
 void log_exchanges(const RankCosts& costs);
 
 /// The speed of the steps that a training has made so far.
 struct MeasuredSteps {
-    std::int64_t iteration = 0;        ///< iterations done
-    double seconds_per_iteration = 0;  ///< mean of the latest ones
-    std::int64_t num_gaussians = 0;    ///< that they had
-    double pixels = 0;                 ///< of a training image, on average
+    std::int64_t iteration = 0;        ///< number of finished iterations
+    double seconds_per_iteration = 0;  ///< mean of the latest iterations
+    std::int64_t num_gaussians = 0;    ///< number of Gaussians in these iterations
+    double pixels = 0;                 ///< mean number of pixels of a training image
 };
 
-/// Returns the seconds of all iterations that follow, with growth to `cap` Gaussians as the schedule has it. `options`
-/// must be resolved and end by iterations. With strategy adc, whose growth the scene decides, the number stays.
+/// Returns the estimated time of all remaining iterations, in seconds, with the schedule's growth up to `cap`
+/// Gaussians. `options` must be resolved, and the run must end by iterations. With strategy adc, whose growth depends
+/// on the scene, the number of Gaussians is taken to stay constant.
 double estimate_seconds(const ScheduleOptions& options, const DensificationOptions& growth, const MeasuredSteps& steps,
                         std::int64_t cap);
 
-/// Warns once of a training that takes hours, as one with the defaults does on the CPU. update() follows every step.
+/// Warns once if a training will take hours, as it does on the CPU with the defaults. Call update() after every step.
 class LongTrainingWarning {
   public:
-    /// The next step follows `iteration` others, which took `train_seconds`. Training images have `pixels` on average,
-    /// and the model grows to `cap` Gaussians. `options` must outlive the object.
+    /// `iteration` steps that took `train_seconds` precede the next step. `pixels` is the mean number of pixels of a
+    /// training image, and `cap` the number of Gaussians to which the model grows. `options` must outlive the object.
     LongTrainingWarning(const TrainOptions& options, double pixels, std::int64_t cap, std::int64_t iteration,
                         double train_seconds);
-    /// Warns if the steps so far took long enough to tell.
+    /// Warns once the steps so far took long enough for an estimate, if the estimate is long.
     void update(std::int64_t iteration, double train_seconds, std::int64_t num_gaussians);
 
   private:

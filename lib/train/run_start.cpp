@@ -18,8 +18,8 @@ std::filesystem::path resumed_file(const TrainOptions& options) {
     return options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
 }
 
-/// Throws DataError if the resumed run would score other views than the run held out: an image that is missing since
-/// then moves every later one of "every 8th", so that views would be scored on which the run was trained.
+/// Throws DataError if the resumed run would score other views than the run held out. A missing image shifts all later
+/// test views of "every 8th", so that training views would be scored.
 void require_same_test_views(const Checkpoint& checkpoint, const std::string& test_views, const TrainOptions& options) {
     if (!options.eval || checkpoint.test_views.empty() || checkpoint.test_views == test_views) return;
     const auto number = [](const std::string& digest) { return digest.substr(0, digest.find(' ')); };
@@ -39,7 +39,7 @@ bool had_target(const Checkpoint& checkpoint, const TrainOptions& options) {
     }
 }
 
-/// Throws UsageError if views that a target would be measured on were trained on, or the other way round.
+/// Throws UsageError if only one of checkpoint and options has a target, which holds out training views.
 void require_same_training_views(const Checkpoint& checkpoint, const TrainOptions& options) {
     if (had_target(checkpoint, options) != options.target_psnr.has_value())
         throw UsageError(
@@ -50,7 +50,7 @@ void require_same_training_views(const Checkpoint& checkpoint, const TrainOption
 }  // namespace
 
 void require_free_folder(const TrainOptions& options) {
-    if (RunLock::is_held(options.model)) const RunLock refused(options.model);  // says which process writes there
+    if (RunLock::is_held(options.model)) const RunLock refused(options.model);  // throws and names the process
     std::optional<std::int64_t> iteration;
     if (!options.resume.empty()) iteration = read_checkpoint_iteration(resumed_file(options));
     require_free_run_folder({options.model}, options.overwrite, iteration);

@@ -19,7 +19,7 @@
 namespace gs {
 namespace {
 
-/// The Gaussians in the file that is timed to predict larger ones.
+/// The number of Gaussians in the file that is timed to predict the time of larger files.
 constexpr std::int64_t kTimedRows = 300000;
 
 /// Repeats the rows of a model without moments until there are `count`.
@@ -92,8 +92,8 @@ double RunWriter::seconds_per_gaussian(Backend& backend) const {
     check_folder();
     const double start = seconds_now();
     Gaussians model = backend.download(false);
-    // A scene may begin with a few points, whose file tells nothing about a large one. Copying them to many takes about
-    // as long as reading so many back.
+    // A scene may begin with a few points, whose file does not predict the time of a large file. Repeating the rows
+    // takes about as long as reading that many back.
     repeat_rows(model, std::max(model.count, std::min(cap_, kTimedRows)));
     const WorkFolder work(folder_.root / "timing");
     save_points(work.path() / "points.ply", model, 0);

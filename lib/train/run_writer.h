@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes the files of a run but its log: configuration, cameras, first points, checkpoints, point clouds, previews.
+// Writes the files of a run except its log: configuration, cameras, first points, checkpoints, point clouds, previews.
 #pragma once
 
 #include <cstdint>
@@ -16,34 +16,34 @@
 
 namespace gs {
 
-/// Writes the files of a run folder: write_start() or write_config() first, then the others in any order. All functions
-/// throw DataError when a write fails. The referenced objects must outlive this one.
+/// Writes the files of a run folder: call write_start() or write_config() first, then the other functions in any order.
+/// All functions throw DataError when a write fails. The referenced objects must outlive this one.
 class RunWriter {
   public:
-    /// Holds `lock`, which may be null; nothing is written once its folder is gone. `cameras` is as in RunStart.
-    /// `tensorboard`, which may be null, gets the previews.
+    /// Keeps `lock`, which may be null; nothing is written once the locked folder is gone. `cameras` is as in RunStart.
+    /// `tensorboard`, which may be null, receives the previews.
     RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, std::string cameras, const TrainOptions& options,
               const Scene& scene, const Photometric& photometric, TensorBoard* tensorboard);
 
     const RunFolder& folder() const { return folder_; }
-    /// Throws DataError when the folder was removed or replaced. All other members call it first.
+    /// Throws DataError if the folder was removed or replaced. All functions that write files call it first.
     void check_folder() const {
         if (lock_) lock_->check_folder();
     }
 
     /// Writes the files of a new run before its first step: config.yaml, cfg_args, cameras.json, input.ply.
     void write_start(const PointCloud& first_points) const;
-    /// Writes config.yaml, cfg_args and cameras.json, also of a resumed run, whose options may have changed.
+    /// Writes config.yaml, cfg_args and cameras.json, also for a resumed run, whose options may have changed.
     void write_config() const;
 
-    /// Writes everything that the run needs to continue, moments included, and removes automatic checkpoints of
-    /// earlier iterations. `time` is that of the training so far, if it is known.
+    /// Writes everything that the run needs to continue, including Adam moments, and removes automatic checkpoints of
+    /// earlier iterations. `time` is the time of the training so far, if known.
     void write_checkpoint(Gaussians state, std::int64_t iteration, const std::optional<TrainingTime>& time,
                           bool automatic = false) const;
-    /// Returns the seconds that reading the model back and writing its point cloud take for each Gaussian. Leaves no
-    /// file.
+    /// Returns the time for reading the model back from the device and writing its point cloud, in seconds per
+    /// Gaussian. Leaves no file.
     double seconds_per_gaussian(Backend& backend) const;
-    /// Writes the point cloud as 3DGS viewers read it, and ppisp.json.
+    /// Writes the point cloud in the format of 3DGS viewers, and ppisp.json.
     void write_point_cloud(Backend& backend, std::int64_t iteration) const;
     void write_ppisp(Backend& backend, std::int64_t iteration) const {
         check_folder();
@@ -51,7 +51,7 @@ class RunWriter {
     }
     /// Writes a render of the first test view, or of the first training view if there is none.
     void write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const;
-    /// Shows the same picture in TensorBoard alone.
+    /// Adds the same render to TensorBoard only.
     void show_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const;
 
   private:
@@ -61,7 +61,7 @@ class RunWriter {
     const RunFolder folder_;
     const std::shared_ptr<const RunLock> lock_;
     const std::string cameras_;
-    const std::string config_, cfg_args_;  ///< the texts of these files
+    const std::string config_, cfg_args_;  ///< texts of config.yaml and cfg_args
     const std::uint64_t seed_;
     const std::int64_t cap_;
     const Scene& scene_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Composes view, rates, regularisers and correction of one training step.
+// Composes the view, rates, regularisers and correction of one training step.
 #include "lib/train/step_composer.h"
 
 #include <cmath>
@@ -10,8 +10,8 @@
 namespace gs {
 namespace {
 
-/// The power of the number of views by which the rates of a step on several grow. Were the gradients of views
-/// independent it would be 1/2, were they the same 1 (docs/math/ranks.md#batch has the tries).
+/// The exponent by which rates grow with the number of views of a step. For independent gradients of the views it would
+/// be 1/2, for identical gradients 1 (experiments: docs/math/ranks.md#batch).
 constexpr double kBatchRate = 0.6;
 
 }  // namespace

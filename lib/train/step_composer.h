@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Composes the request of one training step. The trainer, trial trainings and `gsapp bench` loop
-// over the result.
+// Composes the request of one training step. Used by the trainer, trial trainings and `gsapp bench`.
 #pragma once
 
 #include "kernels/ranks/backend.h"
@@ -12,8 +11,7 @@
 
 namespace gs {
 
-/// Returns a target that points into `image`, which must outlive it. A device recognises the images that it has kept by
-/// `id`.
+/// Returns a target that points into `image`, which must outlive it. The device identifies its cached images by `id`.
 inline TargetImage target_image(const ViewImage& image, ImageId id = {}) {
     TargetImage t;
     t.id = id;
@@ -24,41 +22,43 @@ inline TargetImage target_image(const ViewImage& image, ImageId id = {}) {
     return t;
 }
 
-/// One training view as a step uses it.
+/// One training view of a step.
 struct StepView {
     std::size_t index = 0;                        ///< index into scene.train
-    std::shared_ptr<const ViewImage> image = {};  ///< null: its pixels are read elsewhere
+    std::shared_ptr<const ViewImage> image = {};  ///< null: another rank reads the pixels
     Vec3<float> background{};
-    int factor = 1;  ///< by which the image is reduced
+    int factor = 1;  ///< reduction factor of the image
 };
 
-/// Puts together what one step needs: camera, photograph, learning rates, regularisers and photometric correction.
+/// Composes the request of one step: camera, photograph, learning rates, regularisers and photometric correction.
 class StepComposer {
   public:
-    /// `options` must be resolved. `photometric` says how views are corrected; with null each is corrected by its own
-    /// values in the model's PPISP, which learns at the full rate. `rate_factor` multiplies every learning rate and the
-    /// noise. All references must outlive the object.
+    /// `options` must be resolved. `photometric` determines the correction of views; if it is null, each view is
+    /// corrected by its own parameters in the model's PPISP state, which learns at the full rate. `rate_factor`
+    /// multiplies every learning rate and the noise. All references must outlive the object.
     StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene,
                  const Photometric* photometric, double rate_factor = 1);
 
-    /// Returns the step on `view` at `moment`.
+    /// Returns the request of the step on `view` at `moment`.
     StepRequest compose(const StepView& view, const ScheduleMoment& moment) const {
         return compose(view, moment, moment);
     }
-    /// Returns the same step with the learning rates of another moment.
+    /// Returns the same request with the learning rates of `rate_moment`.
     StepRequest compose(const StepView& view, const ScheduleMoment& moment, const ScheduleMoment& rate_moment) const;
 
-    /// Turns requests of single steps into those of one step on all their views: with the rates of the first, which
-    /// are higher, since a mean gradient is less noisy (docs/math/ranks.md#batch).
+    /// Turns requests of single steps into the requests of one step on all their views. The rates of the first request
+    /// apply, raised because a mean gradient is less noisy (docs/math/ranks.md#batch).
     static void combine(std::vector<StepRequest>& requests);
 
-    /// Returns a step that trains the controller of the view's camera (Backend::distill). Needs a `photometric`.
+    /// Returns the request of a step that trains the controller of the view's camera (Backend::distill). `photometric`
+    /// must not be null.
     StepRequest compose_distillation(const StepView& view, std::int64_t iteration) const;
 
     const LearningRates& rates() const { return rates_; }
 
   private:
-    /// Returns what steps of the model and of the controller have in common: the view, and the loss of its image.
+    /// Returns the part of the request common to steps of the model and of the controller: the view and the loss of its
+    /// image.
     StepRequest request_of(const StepView& view, std::int64_t iteration) const;
 
     const OptimizerOptions options_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds up what was not finite, and decides when that is too much.
+// Counts non-finite values, and ends a training with too many of them.
 #include "lib/train/step_monitor.h"
 
 #include <fmt/format.h>

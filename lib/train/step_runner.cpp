@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Puts views, densification, photometric correction and residuals together to iterations.
+// Combines views, densification, photometric correction and residuals into iterations.
 #include "lib/train/step_runner.h"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 namespace gs {
 namespace {
 
-/// The time in which the worth of residuals to a view is measured, over that of rendering the view.
+/// The time of scoring the residuals by a view, relative to rendering the view.
 constexpr double kWorthPerFrame = 4;
 
 }  // namespace
@@ -47,7 +47,8 @@ void StepRunner::use(const Backend& backend) {
 void StepRunner::prefetch() { views_.prefetch(schedule_.iteration(), end_of_views(), schedule_.reduction()); }
 
 void StepRunner::take(Backend& backend) {
-    // First, since it may fail: nothing of this iteration is done yet, and a checkpoint continues before it.
+    // Images come first because reading them may fail: the model is still unchanged then, and a checkpoint continues
+    // before this iteration.
     const std::vector<StepView> views = next_views(backend);
     const auto num_views = std::int64_t(views.size());
     const ScheduleMoment moment = schedule_.moment();
@@ -68,8 +69,8 @@ void StepRunner::take(Backend& backend) {
     schedule_.advance(backend.count(), num_views);
 }
 
-/// Returns the views of the next step: as many as the backend takes, but no more than there are to the next iteration
-/// at which something may be due.
+/// Returns the views of the next step: as many as the backend takes, but not beyond the next iteration at which an
+/// output or a scan may be due.
 std::vector<StepView> StepRunner::next_views(Backend& backend) {
     const std::int64_t first = schedule_.iteration(),
                        end = std::min({first + backend.views_per_step(), (first / kLogInterval + 1) * kLogInterval,
@@ -80,7 +81,7 @@ std::vector<StepView> StepRunner::next_views(Backend& backend) {
     return views;
 }
 
-/// Returns the end of the iterations for which images are decoded ahead.
+/// Returns the first iteration for which no image is decoded ahead.
 std::int64_t StepRunner::end_of_views() const {
     return options_.ends_by_iterations() ? options_.iterations : std::numeric_limits<std::int64_t>::max();
 }
@@ -91,7 +92,8 @@ void StepRunner::decide_photometric(Backend& backend, const ScheduleMoment& mome
     if (decision) journal_.write_photometric(*decision, moment.iteration + 1);
 }
 
-/// Returns the source of steps on single views at `moment`. Each step is valid until the next is asked for.
+/// Returns the source of requests for steps on single views at `moment`. Each request is valid until the next one is
+/// made.
 StepSource StepRunner::steps_on_views(const ScheduleMoment& moment) {
     return [this, moment](std::size_t view) {
         return composer_.compose(StepView{view, views_.image(view), views_.fixed_background()}, moment);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes the iterations of a training: the step on one or several views, and all changes of the model around it.
+// Runs the iterations of a training: the step on one or several views, and all changes of the model around it.
 #pragma once
 
 #include <cstdint>
@@ -20,39 +20,41 @@
 
 namespace gs {
 
-/// Trains a model step by step. begin() or resume() comes first, then use(), then any number of steps, then
-/// remove_surplus(), and after the last change of the Gaussians the controllers.
+/// Trains a model step by step. Call begin() or resume() first, then use(), then take() any number of times, then
+/// remove_surplus(), and controller_step() after the last change of the Gaussians.
 class StepRunner {
   public:
-    /// All arguments must outlive the object. `limits` bound the growth and the final model, `schedule` says what is
-    /// due, and `journal` gets the changes of the model.
+    /// All arguments must outlive the object. `limits` bounds the growth and the final model, `schedule` determines the
+    /// position in the run, and `journal` records the changes of the model.
     StepRunner(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance, ModelLimits& limits,
                TrainingSchedule& schedule, Journal& journal);
 
-    /// Returns the first model of a new run with the degree and the photometric correction that it begins with. Made
-    /// from points it has the first degree, else its own.
+    /// Returns the first model of a new run with its initial active degree and photometric correction. A model made
+    /// from points gets the initial degree; another model keeps its own.
     Gaussians begin(Gaussians first, bool from_points);
-    /// Returns the model of a checkpoint at the schedule's present moment, with PPISP if that begins only here. Throws
-    /// what Photometric::resume throws.
+    /// Returns the model of a checkpoint for the schedule's current moment, with the initial PPISP state if PPISP
+    /// begins only here. Throws what Photometric::resume throws.
     Gaussians resume(Gaussians state);
-    /// Divides the views of a step as the backend wants them, whose images are then decoded ahead.
+    /// Sets the views of a step, and the images to decode ahead, to those that the backend needs.
     void use(const Backend& backend);
     /// Starts decoding the images of the next steps.
     void prefetch();
 
-    /// Takes one step and moves the schedule on. Throws DataError before anything is changed when an image cannot be
-    /// read, and what the backend throws.
+    /// Takes one step and advances the schedule. Throws DataError before any change if an image cannot be read, and
+    /// what the backend throws.
     void take(Backend& backend);
 
-    /// Removes what is not written: Gaussians that cannot be seen or that a limit forbids, and residuals above the
-    /// share.
+    /// Removes all that is not saved in the final model: Gaussians that are invisible or exceed a limit, and residuals
+    /// in excess of the share.
     void remove_surplus(Backend& backend);
-    /// Returns the seconds that remove_surplus() may take.
+    /// Returns the time that remove_surplus() may take, in seconds.
     double seconds_to_remove(Backend& backend) const;
-    /// Returns whether remove_surplus() chooses residuals by the training views, which is then part of the training.
+    /// Returns whether remove_surplus() ranks residuals by the training views, in which case its time counts as
+    /// training.
     bool chooses_residuals() const { return residuals_.views_at_end() > 0; }
 
-    /// Returns step k, from 0, of training the PPISP controllers, which takes `steps` in all if that is known.
+    /// Returns the request of step k, from 0, of training the PPISP controllers. `steps` is the total number of these
+    /// steps, if known.
     StepRequest controller_step(std::int64_t k, const std::optional<std::int64_t>& steps);
 
     const Photometric& photometric() const { return photometric_; }
@@ -77,7 +79,7 @@ class StepRunner {
     Photometric photometric_;
     const StepComposer composer_;
     const ResidualShare residuals_;
-    ScheduleMoment last_moment_;  ///< of the last step
+    ScheduleMoment last_moment_;  ///< moment of the last step
 };
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decides which model to train next.
+// Decides on the next model to train.
 #include "lib/train/target_search.h"
 
 #include <fmt/format.h>
@@ -10,27 +10,27 @@
 namespace gs {
 namespace {
 
-/// The least steps of the first training, and its rounds through the views. What fewer rounds reach and what a doubling
-/// of them gives say little: after 9 rounds bonsai was taken for a scene without hope of 31 dB, and lego had six times
-/// as many Gaussians as it needs for 32 dB.
+/// The minimum number of steps of the first training, and its rounds through the views. Fewer rounds predict little,
+/// even with the gain from doubling them: after 9 rounds bonsai was judged unable to reach 31 dB, and lego had six
+/// times as many Gaussians as it needs for 32 dB.
 constexpr std::int64_t kFirstSteps = 1000, kFirstRounds = 30;
-/// The Gaussians that a training may have for each of its steps. Under time limits bonsai had 28 to 45 and garden 48 to
-/// 79.
+/// The largest number of Gaussians per step of a training. Under time limits bonsai had 28 to 45 and garden 48 to 79.
 constexpr std::int64_t kGaussiansPerStep = 50;
-/// Where rates begin again when a training becomes longer, and when a smaller model recovers.
+/// The positions from which the schedules restart when a training is prolonged and when a smaller model recovers.
 constexpr double kGrowFrom = 10000, kShrinkFrom = 20000;
-/// The share of the steps so far in which a smaller model recovers, and their bounds.
+/// The number of steps in which a smaller model recovers, as a share of the steps until the target was reached, and its
+/// bounds.
 constexpr double kRecovery = 0.125;
 constexpr std::int64_t kLeastRecovery = 200, kMostRecovery = 2000;
-/// The most that a doubling of the steps gives, relative to the doubling before it, and how much better than that a
-/// training may turn out, dB.
+/// The largest gain from doubling the steps, relative to the previous doubling, and the margin by which a training may
+/// exceed the estimate, dB.
 constexpr double kNextGain = 0.8, kHope = 0.3;
-/// A model is small enough when it is this near above the target, dB.
+/// The margin above the target within which a model counts as small enough, dB.
 constexpr double kNear = 0.1;
-/// A smaller model that fell below says nothing if it is nearer in size than this: the other has had more steps.
+/// The ratio of sizes below which a smaller model that missed the target is ignored: the larger model has had more
+/// steps.
 constexpr double kSameSize = 1.05;
-/// The least PSNR that halving a model costs, dB, and the PSNR that it is taken to cost while no model has fallen below
-/// the target.
+/// The smallest loss of PSNR assumed for halving a model, dB, and the loss assumed until a model has missed the target.
 constexpr double kLeastHalving = 0.3, kHalving = 0.8;
 constexpr int kMostShrinks = 12;
 
@@ -67,7 +67,7 @@ TargetStep TargetSearch::grow(const MeasuredModel& measured) {
     }
     if (tries_.size() > 1) {
         const double gain = std::max(0.0, measured.psnr - tries_[tries_.size() - 2].psnr);
-        // A geometric series: every doubling gives kNextGain of what the one before it gave.
+        // A geometric series: every doubling gains kNextGain times the gain of the previous one.
         const double estimate =
             measured.psnr + gain * kNextGain * (1 - std::pow(kNextGain, doublings)) / (1 - kNextGain);
         if (estimate + kHope < target_) {
@@ -98,7 +98,7 @@ TargetStep TargetSearch::shrink(const MeasuredModel& measured) {
         std::count_if(tries_.begin(), tries_.end(), [this](const MeasuredModel& t) { return t.steps > grown_steps_; });
     if (spare <= kNear || good_->count <= 1 || shrinks >= kMostShrinks) return step;
     double smaller = std::exp2(-std::min(1.0, spare / halving_.value_or(kHalving)));
-    if (bad_) {  // between the two, as if PSNR followed the logarithm of the size
+    if (bad_) {  // between the two models, as if PSNR were linear in the logarithm of the size
         const double share = std::clamp((spare - 0.5 * kNear) / (good_->psnr - bad_->psnr), 0.3, 0.85);
         smaller = std::pow(double(bad_->count) / count, share);
     }

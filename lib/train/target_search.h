@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Leads a run to a PSNR: longer and larger trainings until it is reached, then smaller models until it would be lost
-// (docs/math/optimization.md#target).
+// Searches for the smallest model that reaches a target PSNR: longer and larger trainings until the target is reached,
+// then smaller models until it is lost (docs/math/optimization.md#target).
 #pragma once
 
 #include <cstdint>
@@ -12,47 +12,47 @@
 
 namespace gs {
 
-/// A model whose held-out views were measured.
+/// A model with its measured quality on the held-out views.
 struct MeasuredModel {
-    std::int64_t steps = 0;  ///< of the run, up to there
+    std::int64_t steps = 0;  ///< number of steps of the run so far
     std::int64_t count = 0;
-    double psnr = 0;            ///< of the held-out views, dB
-    double standard_error = 0;  ///< of that mean, dB
+    double psnr = 0;            ///< mean PSNR of the held-out views, dB
+    double standard_error = 0;  ///< standard error of `psnr`, dB
 };
 
-/// The next move of a search, in the order of its parts.
+/// The next action of a search; its fields apply in this order.
 struct TargetStep {
-    bool keep = false;          ///< keep the present model, to come back to
-    bool restore = false;       ///< go back to the model that was kept last
-    std::int64_t prune_to = 0;  ///< remove the lowest scores until so many Gaussians are left; 0 = none
-    ScheduleSegment segment;    ///< train; no steps: the search has ended
+    bool keep = false;          ///< keep the current model for a later `restore`
+    bool restore = false;       ///< go back to the last kept model
+    std::int64_t prune_to = 0;  ///< number of Gaussians to keep, those with the highest scores; 0 = all
+    ScheduleSegment segment;    ///< segment to train; no steps: the search has ended
 };
 
 /// The result of a search.
 struct TargetOutcome {
     bool reached = false;
-    double standard_error = 0;  ///< of psnr, dB
-    std::int64_t count = 0;     ///< of the model that the run ends with
-    double psnr = 0;            ///< of the held-out views with it, dB
-    double estimate = 0;        ///< PSNR that all steps would have reached, where that was too little, dB; else 0
+    double standard_error = 0;  ///< standard error of `psnr`, dB
+    std::int64_t count = 0;     ///< number of Gaussians of the final model
+    double psnr = 0;            ///< mean PSNR of the held-out views with the final model, dB
+    double estimate = 0;        ///< estimated PSNR after all allowed steps, dB, if too low to continue; else 0
     std::int64_t measurements = 0;
-    std::string verdict = {};  ///< a sentence for people
+    std::string verdict = {};  ///< outcome as a sentence for the log
 };
 
-/// Searches for the smallest model that reaches a PSNR. The segment of first() is trained first; then next() follows
-/// each segment until it returns one without steps; then outcome() tells the result.
+/// Searches for the smallest model that reaches a PSNR. Train the segment of first(), then call next() after each
+/// segment until it returns a segment without steps; outcome() then returns the result.
 class TargetSearch {
   public:
-    /// `target` is in dB; the run trains on `views` views and has `most_steps` at most while it grows, and `cap`
-    /// Gaussians.
+    /// `target` is in dB; the run trains on `views` views, and grows for at most `most_steps` steps and to at most
+    /// `cap` Gaussians.
     TargetSearch(double target, std::int64_t views, std::int64_t most_steps, std::int64_t cap);
 
-    /// Returns what is left of the first segment of a run that has done `steps` and has `count` Gaussians; no steps if
-    /// nothing is.
+    /// Returns the rest of the first segment for a run with `steps` finished steps and `count` Gaussians; a segment
+    /// without steps if nothing is left.
     ScheduleSegment first(std::int64_t steps, std::int64_t count) const;
-    /// Decides what follows from a measurement. A run that was resumed after the first segment begins with one.
+    /// Returns the next action after a measurement. A run resumed after the first segment begins with a measurement.
     TargetStep next(const MeasuredModel& measured);
-    /// Ends a search that could have gone on, for the reason `why`.
+    /// Ends an unfinished search for the reason `why`.
     void stop(const std::string& why) { why_ = why; }
 
     TargetOutcome outcome() const;
@@ -66,11 +66,11 @@ class TargetSearch {
     const std::int64_t most_steps_, first_steps_, cap_;
     std::vector<MeasuredModel> tries_;
     std::optional<MeasuredModel> good_,
-        bad_;                        ///< the smallest that reached the target, the largest after it that did not
-    std::optional<double> halving_;  ///< loss of PSNR by halving the model, dB, once that is known
-    std::int64_t grown_steps_ = 0;   ///< steps until the target was reached
+        bad_;                        ///< smallest model that reached the target; largest later one that missed it
+    std::optional<double> halving_;  ///< loss of PSNR from halving the model, dB; empty until measured
+    std::int64_t grown_steps_ = 0;   ///< number of steps until the target was reached
     double estimate_ = 0;            ///< TargetOutcome::estimate
-    std::string why_;                ///< why the search was given up
+    std::string why_;                ///< reason for giving the search up
 };
 
 }  // namespace gs

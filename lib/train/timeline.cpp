@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Places a run's steps on the schedule.
+// Computes the positions of a run's steps on the schedule.
 #include "lib/train/timeline.h"
 
 #include <algorithm>
@@ -13,7 +13,7 @@ ScheduleMoment moment_at(const ScheduleOptions& options, std::int64_t iteration)
 }
 
 ScheduleMoment next_moment(const ScheduleMoment& last, double progress) {
-    // Time passes, but a model that has grown takes longer to save, so that progress may fall behind.
+    // Progress may decrease although time passes, because a larger model takes longer to save.
     return {last.iteration + 1, std::max(last.position, kReferenceIterations * progress), last.position, last.pace};
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells a watcher how far a training is.
+// Reports the state of a training to its watcher.
 #include "lib/train/train_hooks.h"
 
 #include "lib/train/step_monitor.h"

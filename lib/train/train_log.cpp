@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes stats/train.jsonl, and chooses what goes to the event file, and under which names.
+// Writes stats/train.jsonl, and selects and names the values for the event file.
 #include "lib/train/train_log.h"
 
 #include <fcntl.h>
@@ -22,7 +22,7 @@
 namespace gs {
 namespace {
 
-/// A number of the training log: the event and field it has there, and its name in TensorBoard.
+/// A number of the training log: its event and field there, and its name in TensorBoard.
 struct Shown {
     const char *event, *field, *tag;
 };
@@ -65,7 +65,7 @@ TrainLog::~TrainLog() {
     ::close(fd_);
 }
 
-/// Writes the lines that wait. Returns the system's error, 0 if all is written.
+/// Writes the pending lines. Returns the system's error number; 0 if all lines were written.
 int TrainLog::flush() {
     while (!waiting_.empty()) {
         const ssize_t written = ::write(fd_, waiting_.data(), waiting_.size());
@@ -79,7 +79,7 @@ int TrainLog::flush() {
 
 void TrainLog::write(const nlohmann::json& line) {
     waiting_ += json_text(line) + "\n";
-    const int error = flush();  // at once, because others read the file during the run
+    const int error = flush();  // at once, because other programs read the file during the run
     if (error == 0 || std::exchange(warned_, true)) return;
     log_warning("cannot write '{}': {}; the training goes on, and the lines are written when that is possible again",
                 path_.string(), std::strerror(error));

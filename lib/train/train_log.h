@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes the course of a training: stats/train.jsonl, one JSON object per line, readable while the run goes on, and
-// what TensorBoard shows.
+// Writes the course of a training to stats/train.jsonl and to TensorBoard's event file.
 #pragma once
 
 #include <cstdint>
@@ -14,24 +13,23 @@
 
 namespace gs {
 
-/// Writes stats/train.jsonl: one JSON object per line, readable while the run goes on. close() follows the last line.
+/// Writes stats/train.jsonl: one JSON object per line, readable during the run. Call close() after the last line.
 class TrainLog {
   public:
-    /// Keeps the lines up to `iteration` that an earlier part of the run wrote, and appends after them. `at_end`: the
-    /// run has all its iterations and only ends once more, so "final" lines of `iteration` are left out. Throws
-    /// DataError.
+    /// Keeps the lines up to `iteration` from before a resume, and appends after them. `at_end`: the run has finished
+    /// all its iterations and only repeats its end, so "final" lines of `iteration` are dropped. Throws DataError.
     TrainLog(const std::filesystem::path& path, std::int64_t iteration, bool at_end);
     ~TrainLog();
     TrainLog(const TrainLog&) = delete;
     TrainLog& operator=(const TrainLog&) = delete;
 
-    /// Writes one line, which must have "iteration". A line that cannot be written is kept and tried again with the
-    /// next one; a warning says so once.
+    /// Writes one line, which must have "iteration". A line that cannot be written is kept and retried with the next
+    /// line; a warning is logged once.
     void write(const nlohmann::json& line);
 
-    /// Returns the "reason" of the "photometric" event among the lines that were kept; empty if there is none.
+    /// Returns the "reason" of the "photometric" event among the kept lines; empty if there is none.
     const std::string& photometric_reason() const { return photometric_reason_; }
-    /// Writes the lines that wait, to the disk (fsync). Throws DataError when a line could not be written in the end.
+    /// Writes the pending lines to the disk (fsync). Throws DataError if a line still cannot be written.
     void close();
 
   private:
@@ -39,23 +37,23 @@ class TrainLog {
 
     std::filesystem::path path_;
     int fd_ = -1;
-    std::string waiting_;  ///< lines, the first perhaps without its beginning, that are not yet in the file
+    std::string waiting_;  ///< lines not yet in the file; the beginning of the first may already be written
     bool warned_ = false;
     std::string photometric_reason_;
 };
 
-/// The event file of one run, or of the part of it that follows a resume. A failure to write later on is a warning,
-/// once: the training goes on.
+/// The event file of one run, or of the part of a run after a resume. A failed write is logged as a warning once, and
+/// the training goes on.
 class TensorBoard {
   public:
-    /// Throws DataError if there can be no event file in `folder`.
+    /// Throws DataError if no event file can be created in `folder`.
     explicit TensorBoard(const std::filesystem::path& folder) : file_(folder) {}
 
     /// Continues a run after `iteration`: the events of later iterations in an earlier file no longer count.
     void resume(std::int64_t iteration);
-    /// Takes the numbers of a line of stats/train.jsonl, if it has any to show.
+    /// Adds the numbers of a line of stats/train.jsonl that TensorBoard shows, if any.
     void add_line(const nlohmann::json& line);
-    /// Adds the learning rates of a step; of a residual with several the highest.
+    /// Adds the learning rates of a step; for a residual with several rates the highest.
     void add_rates(std::int64_t iteration, const StepRates& rates);
     void add_picture(std::int64_t iteration, const std::string& tag, const Image& picture);
 

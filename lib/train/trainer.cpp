@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The training loop: one iteration after another, what is shown and saved between them, and the end.
+// The training loop: the iterations, the output between them, and the end of the run.
 #include "lib/train/trainer.h"
 
 #include <filesystem>
@@ -57,11 +57,11 @@ class Trainer {
             start.first_event["iteration"] = 0;
             journal_.write(start.first_event);
         }
-        // Before a Gaussian that is not finite leaves its mark in the moments of all that it covers.
+        // A non-finite Gaussian must be removed before it corrupts the moments of all Gaussians that it covers.
         monitor_.prune_nonfinite(*backend_);
     }
 
-    /// Trains to the end. An error that the model may survive is thrown on with the checkpoint that saves it.
+    /// Trains to the end. If the model survives an error, the rethrown error names the checkpoint that saves the model.
     TrainSummary run() {
         if (schedule_.limits_time()) start_time_limit();
         progress_.start(schedule_.expected_iterations(), iteration());
@@ -77,7 +77,7 @@ class Trainer {
             throw DeviceError(e.what() + rescue());
         } catch (const std::bad_alloc&) {
             throw DeviceError("out of memory; lower --cap-max, --resolution or --image-cache" + rescue());
-        } catch (const DataError& e) {  // an image that has gone bad, or a file that cannot be written
+        } catch (const DataError& e) {  // an image that has become unreadable, or a file that cannot be written
             throw DataError(e.what() + rescue());
         }
         try {
@@ -91,7 +91,7 @@ class Trainer {
     }
 
   private:
-    /// Measures what a time limit has to leave time for, and starts its clock.
+    /// Measures the costs that a time limit must allow for, and starts its clock.
     void start_time_limit() {
         const std::int64_t count = backend_->count();
         TimeCosts costs{.saving_per_gaussian = writer_.seconds_per_gaussian(*backend_)};
@@ -115,7 +115,7 @@ class Trainer {
     /// Returns the number of finished iterations.
     std::int64_t iteration() const { return schedule_.iteration(); }
 
-    /// Trains to the end of the schedule. After each iteration shows and saves what is due, and asks who watches.
+    /// Trains to the end of the schedule. After each iteration writes the outputs that are due, and polls the watcher.
     void loop() {
         LongTrainingWarning long_training(options_, steps_.views().mean_pixels(), limits_.cap(), iteration(),
                                           clock_.train_seconds());
@@ -127,7 +127,7 @@ class Trainer {
             const bool log = iteration() % kLogInterval == 0 || schedule_.finished(),
                        report = progress_.due(iteration());
             stop = (stop || interrupted()) && !schedule_.finished();
-            // What is reported or saved is the state after this iteration, and waiting for it is training time.
+            // Reports and files hold the state after this iteration, and waiting for that state is training time.
             if (log || report || stop || output_is_due(options_, iteration()))
                 clock_.count([&] { monitor_.settle(*backend_); });
             if (log) {
@@ -151,7 +151,7 @@ class Trainer {
         }
     }
 
-    /// Takes one step, and looks now and then whether all numbers are still finite.
+    /// Takes one step, and periodically checks that all numbers are finite.
     void iterate() {
         const std::int64_t before = iteration();
         steps_.take(*backend_);
@@ -167,7 +167,7 @@ class Trainer {
             schedule_.keep_back_for_controllers(options_.controller_iterations);
     }
 
-    /// Tells the progress line when the training ends.
+    /// Sends the expected end of the training to the progress line.
     void expect_end() {
         if (const std::optional<double> left = schedule_.seconds_left())
             progress_.expect_end_in(*left);
@@ -188,7 +188,7 @@ class Trainer {
                             iteration());
     }
 
-    /// Shows the training to whoever watches it, saves it if they ask for that, and returns what they ask for.
+    /// Reports the state of the training to its watcher, saves it on request, and returns the watcher's request.
     WatcherRequest watch() {
         const WatcherRequest request = watcher_.ask(*backend_, iteration() % kLogInterval == 0);
         if (request == WatcherRequest::kSave)
@@ -197,17 +197,18 @@ class Trainer {
     }
 
     void save_what_is_due() {
-        // Whether a segment of a search is the last one is known only when it has been measured.
+        // The last segment of a search is known as such only after its measurement.
         const bool last = schedule_.finished() && !options_.target_psnr;
         if (preview_is_due(options_, iteration()))
             writer_.write_preview(*backend_, steps_.views().fixed_background(), iteration());
         if (lists(options_.save_iterations, iteration()) && !last) writer_.write_point_cloud(*backend_, iteration());
         if (lists(options_.test_iterations, iteration()) && !last && hooks_.evaluate) {
-            writer_.write_ppisp(*backend_, iteration());  // says how these views are corrected
+            writer_.write_ppisp(*backend_, iteration());  // holds the correction of these views
             writer_.check_folder();
             clock_.leave_out([&] { evaluate(false); });
         }
-        // Last: a run that is killed in between resumes before this iteration and writes the other files once more.
+        // The checkpoint comes last: a run that is killed before it resumes from an earlier iteration and writes the
+        // other files again.
         if (lists(options_.checkpoint_iterations, iteration()) && !last) checkpoints_.write(*backend_);
         checkpoints_.write_by_time(*backend_);
     }
@@ -219,13 +220,13 @@ class Trainer {
         writer_.show_preview(*backend_, steps_.views().fixed_background(), iteration());
     }
 
-    /// Saves the model after an error. Returns what the message should say about it.
+    /// Saves the model after an error. Returns the text to append to the error message.
     std::string rescue() {
         progress_.finish();
         return checkpoints_.rescue(*backend_);
     }
 
-    /// Trains segment after segment until the search ends. Returns what came of it.
+    /// Trains segment after segment until the search ends. Returns the outcome.
     TargetOutcome search_target() {
         TargetSearch search(*options_.target_psnr, steps_.views().count(), options_.iterations, limits_.cap());
         if (const ScheduleSegment first = search.first(iteration(), backend_->count()); first.steps > 0) {
@@ -255,7 +256,7 @@ class Trainer {
         return outcome;
     }
 
-    /// Measures the model as it would be written now.
+    /// Measures the model in the form in which it would be saved now.
     MeasuredModel measure() {
         clock_.count([&] {
             monitor_.settle(*backend_);
@@ -305,10 +306,10 @@ class Trainer {
                 .whole_time = clock_.knows_all()};
     }
 
-    /// Writes the last checkpoint, and the point cloud without what nobody needs for looking at it.
+    /// Writes the last checkpoint, and the point cloud without surplus Gaussians and residuals.
     void save_model() {
-        // Before the final pruning: a longer run goes on from here as if it had not stopped. A time limit is better
-        // spent on steps than on a file three times as large as the model.
+        // The checkpoint precedes the final pruning, so that a longer run continues as if it had not stopped. Under a
+        // time limit there is none: steps are a better use of the time than a file three times as large as the model.
         if (!schedule_.limits_time()) checkpoints_.write(*backend_);
         journal_.begin_final_lines();
         if (steps_.chooses_residuals())
@@ -344,7 +345,7 @@ class Trainer {
         return double(backend_->num_residuals()) / double(count);
     }
 
-    // Each part uses only those above it.
+    // Each member uses only the members above it.
     const TrainOptions& options_;
     const TrainHooks& hooks_;
     Progress& progress_;

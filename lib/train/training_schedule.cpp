@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decides what the next step is, and divides the time of a run.
+// Computes the position of the next step, and divides the time of a run.
 #include "lib/train/training_schedule.h"
 
 #include <fmt/format.h>
@@ -13,22 +13,22 @@
 namespace gs {
 namespace {
 
-/// The least steps that tell how long one takes.
+/// The minimum number of steps for an estimate of the time per step.
 constexpr std::int64_t kFewestSteps = 5;
 
-/// The rounds through all views after which more steps help less than more Gaussians, and the most steps that this may
-/// ask for, two thirds of the reference's (docs/lab/settings.md#the-frontier).
+/// The number of rounds through all views beyond which more steps help less than more Gaussians, and the largest number
+/// of steps required in this way, two thirds of the reference's (docs/lab/settings.md#the-frontier).
 constexpr double kWantedRounds = 70, kMostWantedSteps = 20000;
-/// The reduction of images in the first part of a training.
+/// The reduction factor of images in the first part of a training.
 constexpr int kCoarse = 2;
-/// The time of a step over that of its frame, which has no backward pass and no update.
+/// The time of a step relative to rendering its frame, which has no backward pass and no update.
 constexpr double kStepPerFrame = 3;
-/// The first steps, whose time does not tell how long the others take.
+/// The number of first steps, whose time does not represent that of later steps.
 constexpr std::int64_t kWarmUpSteps = 10;
-/// The least seconds of steps that a time limit must leave.
+/// The minimum time for steps that a time limit must leave, in seconds.
 constexpr double kLeastSeconds = 0.1;
-/// The share of a time limit that the controllers have where no number of iterations is named, and the most that they
-/// have where one is.
+/// The share of a time limit for the controllers if their number of iterations is not named, and their largest share if
+/// it is.
 constexpr double kControllerShare = 1.0 / 7, kMostControllerShare = 0.5;
 
 }  // namespace
@@ -72,7 +72,7 @@ TrainingSchedule::TrainingSchedule(const ScheduleOptions& options, std::size_t n
 void TrainingSchedule::resume(std::int64_t iteration, double used) {
     used_ = used;
     moment_ = moment_at(options_, iteration);
-    if (limits_time()) {  // about where start() will put it
+    if (limits_time()) {  // approximately the position that start() will set
         const double position = kReferenceIterations * std::min(1.0, used / limit_);
         moment_ = {iteration, position, position - 1};
     }
@@ -145,7 +145,7 @@ void TrainingSchedule::advance_one(std::int64_t count) {
 }
 
 bool TrainingSchedule::ends_here() const {
-    // The time of a step may be long on a CPU: stop where the end is nearest.
+    // A step may take long on a CPU: stop at the step whose end is nearest to the limit.
     return moment_.position + 0.5 * moment_.stride() >= kReferenceIterations;
 }
 

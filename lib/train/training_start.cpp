@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes the first model of a new run, or continues a checkpoint.
+// Makes the first model of a new run, or continues from a checkpoint.
 #include "lib/train/training_start.h"
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 namespace gs {
 namespace {
 
-/// The points that a training begins with at least, however short it is.
+/// The minimum number of points at the start of a training, however short its time limit is.
 constexpr std::int64_t kLeastPoints = 1000;
 
 InitOptions with_points(InitOptions init, std::int64_t most_points) {
@@ -32,7 +32,7 @@ std::unique_ptr<Backend> TrainingStart::make(RunStart& start) {
     return start.checkpoint ? resume(*start.checkpoint) : begin(start);
 }
 
-/// Returns the backend of this run, whose share of a step's views is then known, without a model.
+/// Returns the backend of this run without a model, and sets the views of a step to its share.
 std::unique_ptr<Backend> TrainingStart::empty_backend() {
     const AppearanceSpec appearance = appearance_spec(options_);
     const EngineOptions options = engine_options(options_);
@@ -66,8 +66,8 @@ std::unique_ptr<Backend> TrainingStart::begin(RunStart& start) {
     return backend;
 }
 
-/// Returns with how many points a time limit leaves enough steps; at most the number of `all`, the model made from all
-/// of them.
+/// Returns the number of points that leaves time for enough steps under the time limit, at most the number of Gaussians
+/// in `all`, the model made from all points.
 std::int64_t TrainingStart::affordable_points(Backend& backend, const Gaussians& all) const {
     backend.upload(all);
     const std::int64_t affordable = schedule_.affordable_start(all.count, limits_.view_seconds(backend)),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Puts the model that a training begins or goes on with on its device.
+// Uploads the initial or resumed model of a training to its device.
 #pragma once
 
 #include <memory>
@@ -17,8 +17,8 @@
 
 namespace gs {
 
-/// Makes the backend of a training. Schedule, steps and clock then stand where the training begins, and the first files
-/// are written. It is used once; all references must outlive it.
+/// Makes the backend of a training, sets schedule, steps and clock to the start of the training, and writes the first
+/// files. The object is used once; all references must outlive it.
 class TrainingStart {
   public:
     TrainingStart(const TrainOptions& options, const Scene& scene, const TrainHooks& hooks, const ModelLimits& limits,
@@ -32,8 +32,9 @@ class TrainingStart {
           clock_(clock),
           writer_(writer) {}
 
-    /// Returns the backend with the model of start.checkpoint, or else of start.initial, or else made from points.
-    /// Takes the model out of `start`. Throws UsageError for limits that cannot be met, and what the parts throw.
+    /// Returns the backend with the model of start.checkpoint, else of start.initial, else with a model made from
+    /// points. Moves the model out of `start`. Throws UsageError for limits that cannot be met, and what the parts
+    /// throw.
     std::unique_ptr<Backend> make(RunStart& start);
 
   private:

@@ -18,8 +18,8 @@
 namespace gs {
 namespace {
 
-/// Views decoded ahead of the one in use, and threads that decode them. A GPU needs only a fraction of a view's
-/// decoding time and leaves the processor free; the CPU backend needs all of the processor.
+/// The number of views decoded ahead of the current one, and the number of decoding threads. A GPU needs only a
+/// fraction of a view's decoding time and leaves the processor free; the CPU backend needs all of the processor.
 int views_ahead(Device device) { return uses_cuda(device) ? 24 : 3; }
 int decode_threads(Device device) {
     return uses_cuda(device) ? std::clamp(int(std::thread::hardware_concurrency()) / 2, 1, views_ahead(device)) : 1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Delivers the training views in the order of a run, which it determines, and decodes them ahead of their use.
+// Determines the order of the training views in a run, returns them in that order, and decodes them ahead of use.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,8 @@
 
 namespace gs {
 
-/// A new random permutation of all views in every epoch. It depends only on (seed, iteration), so a resumed run needs
-/// no stored state.
+/// The order of the views: a new random permutation in every epoch. It depends only on (seed, iteration), so a resumed
+/// run needs no stored state.
 class ViewOrder {
   public:
     ViewOrder(std::size_t num_views, std::uint64_t seed) : num_views_(num_views), seed_(seed) {}
@@ -30,27 +30,27 @@ class ViewOrder {
     std::vector<std::size_t> order_;  ///< permutation of `epoch_`
 };
 
-/// The iterations between log lines, which are also the scans for non-finite parameters: one pass over the model is
-/// then below a hundredth of the work. Steps on several views end there.
+/// The number of iterations between two log lines and between two scans for non-finite parameters. With this interval a
+/// scan, one pass over the model, is less than a hundredth of the work. Steps on several views end at its multiples.
 inline constexpr std::int64_t kLogInterval = 100;
 
-/// Delivers the training views in the order of a run and decodes them ahead of their use. With several views a step
-/// set_views_per_step() comes first, then prefetch(), then at() for each iteration.
+/// Returns the training views in the order of a run and decodes them ahead of use. With several views per step call
+/// set_views_per_step() first; then prefetch(), then at() for each iteration.
 class TrainingViews {
   public:
     /// The scene must outlive the object.
     TrainingViews(const TrainOptions& options, const Scene& scene);
 
-    /// Sets how many views a step has, and for which of them, by number k, the image is read here. Only images that are
-    /// read here are decoded ahead.
+    /// Sets the number of views per step, and `is_read_here`, which returns whether this process reads the image of
+    /// view k of a step. Only these images are decoded ahead.
     void set_views_per_step(int views_per_step, const std::function<bool(int k)>& is_read_here);
 
-    /// Starts decoding for the iterations from `first` to before `end`.
+    /// Starts decoding the images of the first iterations in [first, end).
     void prefetch(std::int64_t first, std::int64_t end, int factor = 1);
-    /// Returns the view of the step at `iteration`, with its image reduced `factor` times or without it. Images of
-    /// iterations from `end` on are not decoded ahead.
+    /// Returns the view of the step at `iteration`, with its image reduced by `factor`, or without its image. Images of
+    /// iterations >= `end` are not decoded ahead.
     StepView at(std::int64_t iteration, std::int64_t end, int factor = 1, bool with_image = true);
-    /// Returns an image, and decodes ahead the images that this rank needs from `iteration` on.
+    /// Returns the image `id`, and decodes ahead the images that this rank needs from `iteration` on.
     std::shared_ptr<const ViewImage> image_of_rank(ImageId id, std::int64_t iteration);
 
     /// Returns the number of training views.
@@ -60,11 +60,11 @@ class TrainingViews {
     const View& view_at(std::int64_t iteration) { return scene_.train[order_.at(iteration)]; }
     std::shared_ptr<const ViewImage> image(std::size_t view) { return images_.get(view); }
     double wait_seconds() const { return wait_seconds_; }
-    /// Returns the background, RGB; black if the steps' background is random.
+    /// Returns the RGB background; black if the steps use random backgrounds.
     Vec3<float> fixed_background() const { return background_.color; }
 
   private:
-    /// The training views reduced by a factor, whose images come from those of full size.
+    /// The training views reduced by a factor; their images are made from the full-size images.
     struct Reduced {
         std::vector<View> views;
         ImageCache images;
@@ -73,28 +73,29 @@ class TrainingViews {
     };
     ImageCache& images_of(int factor);
     void prefetch_ahead(ImageCache& images, std::int64_t iteration, std::int64_t end);
-    /// Returns whether the image of `iteration` is read here, if steps begin at multiples of kLogInterval.
+    /// Returns whether this process reads the image of `iteration`, counting the views of steps from each multiple of
+    /// kLogInterval.
     bool is_read_here(std::int64_t iteration) const {
         return read_here_[std::size_t((iteration % kLogInterval) % std::int64_t(read_here_.size()))];
     }
-    /// Returns the number of iterations for which images are decoded ahead: as many of one's own views as if all were
-    /// read here.
+    /// Returns the number of iterations for which images are decoded ahead. It keeps the number of views decoded by
+    /// this process the same as if this process read all images.
     std::int64_t num_ahead() const;
     Vec3<float> background_at(std::int64_t iteration) const;
 
     const std::uint64_t seed_;
     const Device device_;
-    const ByteCount cache_;  ///< for decoded images
+    const ByteCount cache_;  ///< memory for decoded images
     const Scene& scene_;
-    std::vector<bool> read_here_{true};  ///< by view of a step
+    std::vector<bool> read_here_{true};  ///< index: view of a step
     const Background background_;
     ViewOrder order_;
-    const std::int64_t prefetch_;  ///< number of views prefetched; never the same view twice
-    ViewOrder ahead_{order_};      ///< order for prefetching, where the next epoch may have begun
+    const std::int64_t prefetch_;  ///< number of views decoded ahead, so small that no view occurs twice
+    ViewOrder ahead_{order_};      ///< order for decoding ahead, in which the next epoch may have begun
     ImageCache images_;
     bool began_ = false;                               ///< whether image_of_rank() was called
-    double wait_seconds_ = 0;                          ///< of at()
-    std::map<int, std::unique_ptr<Reduced>> reduced_;  ///< by factor; destroyed before images_
+    double wait_seconds_ = 0;                          ///< time that at() waited for images
+    std::map<int, std::unique_ptr<Reduced>> reduced_;  ///< views by reduction factor; destroyed before images_
 };
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs the segments, and carries a model over to another appearance.
+// Trains the segments, and transfers a model to another appearance.
 #include "lib/train/trial_training.h"
 
 #include <algorithm>
@@ -20,10 +20,10 @@
 namespace gs {
 namespace {
 
-/// The part of a run's learning rates that continue_with compresses: from where all models learn at full rate
-/// (spherical Voronoi waits until 1000, the network until 3000) to where they end.
+/// The range of positions whose learning rates continue_with() compresses: from the position at which all models learn
+/// at full rate (spherical Voronoi waits until 1000, the network until 3000) to the end.
 constexpr double kFirstRate = 3000, kLastRate = 30000;
-/// The iterations between two looks at the backend, as in a run.
+/// The number of iterations between two checks of the backend, as in a run.
 constexpr std::int64_t kCheckInterval = 100;
 
 void check(Backend& backend, const std::string& model) {
@@ -34,8 +34,8 @@ void check(Backend& backend, const std::string& model) {
                            ": the parameters or the loss of a short training do not stay finite");
 }
 
-/// Returns the Gaussians of `state` under another model that shows the same colours: its residual is 0, and all of its
-/// degrees are active. They have no moments. `state` is of a model without a residual.
+/// Returns the Gaussians of `state` with another appearance model and the same colours: the residual is 0, and all
+/// degrees are active. The result has no moments. `state` must have a model without a residual.
 Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearance, const Scene& scene,
                           std::uint64_t seed) {
     const ModelInfo& model = appearance_model(appearance.model);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trains short segments in memory, without files, progress or controllers. `--appearance auto` compares models by them.
+// Trains short segments in memory, without files, progress or controllers. `--appearance auto` uses them to compare
+// appearance models.
 #pragma once
 
 #include <cstdint>
@@ -16,27 +17,28 @@
 
 namespace gs {
 
-/// The backend after a trial, and its time.
+/// The backend after a trial, and the time of the trial.
 struct TrialResult {
     std::unique_ptr<Backend> backend;
     double seconds = 0;  ///< time of the steps
 };
 
-/// Trains one model for a while, and then others from there. begin() comes first, and continue_with() for each model.
+/// Trains one appearance model for a while, then continues from its state with other appearance models. Call begin()
+/// first, then continue_with() for each model.
 class TrialTraining {
   public:
-    /// Takes validated `options` and a `scene` with at least one training view; both outlive the object. PPISP is on or
-    /// off: there is nothing to decide.
+    /// `options` must be valid, with PPISP on or off (not auto), and `scene` must have a training view. `scene` must
+    /// outlive the object.
     TrialTraining(const TrainOptions& options, const Scene& scene);
 
-    /// Trains the first `iterations` of a run of the options' appearance.
+    /// Trains the first `iterations` iterations of a run with the options' appearance.
     TrialResult begin(std::int64_t iterations);
 
-    /// Goes on from `state` with another appearance, which starts without a residual and has all degrees active. No
-    /// Gaussian is added or moved elsewhere; learning rates go through what a run has left, compressed, so that the
-    /// model comes to rest. Every call sees the same views. Empty if that would take more than `most_seconds`: before
-    /// the rates have fallen a model cannot be compared. Throws NumericError when the loss stays non-finite,
-    /// Interrupted after Ctrl-C.
+    /// Continues from `state` with another appearance, whose residual begins at zero with all degrees active. No
+    /// Gaussian is added or relocated. The learning rates follow the rest of a run's schedule in compressed form, so
+    /// that the model converges. Every call uses the same views. Returns nothing after more than `most_seconds`, since
+    /// models are comparable only after the rates have fallen. Throws NumericError if parameters or losses stay
+    /// non-finite, Interrupted after Ctrl-C.
     std::optional<TrialResult> continue_with(const Gaussians& state, const AppearanceSpec& appearance,
                                              std::int64_t iterations, double most_seconds);
 
@@ -45,7 +47,7 @@ class TrialTraining {
     std::shared_ptr<const ViewImage> image(std::size_t view) { return views_.image(view); }
 
   private:
-    /// Returns false if it was stopped for the time.
+    /// Returns false if `most_seconds` ran out.
     bool run(TrialResult& result, const std::string& model, std::int64_t iterations, std::int64_t first,
              double most_seconds, const std::function<StepRequest(std::int64_t, const StepView&)>& compose);
 
@@ -53,7 +55,7 @@ class TrialTraining {
     const Scene& scene_;
     TrainingViews views_;
     Photometric photometric_;
-    std::int64_t begun_ = 0;  ///< iterations of `begin`
+    std::int64_t begun_ = 0;  ///< number of iterations of begin()
 };
 
 }  // namespace gs
