@@ -9,7 +9,7 @@
 
 namespace gs {
 
-/// Returns the appearance specification for the kernels from the options. Throws UsageError for unknown names.
+/// Returns the AppearanceSpec for the kernels from the options. Throws UsageError for unknown names.
 AppearanceSpec appearance_spec(const AppearanceOptions& options);
 
 /// Describes the appearance for messages: "sh, max degree 3, relu".
@@ -19,7 +19,7 @@ std::string describe(const AppearanceSpec& spec);
 /// have no meaning in another.
 void require_same_appearance(const AppearanceSpec& found, const AppearanceSpec& wanted, const std::string& file);
 
-/// Makes an appearance specification from the names in a file. Throws DataError naming the file for unknown names and
+/// Makes an AppearanceSpec from the names in a file. Throws DataError naming the file for unknown names and
 /// impossible degrees.
 AppearanceSpec appearance_from_file(const std::string& file, const std::string& model, std::int64_t max_degree,
                                     const std::string& activation);
