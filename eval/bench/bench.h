@@ -13,8 +13,8 @@
 
 namespace gs {
 
-/// Factor on all learning rates. Adam moves parameters by the rate regardless of the gradient's magnitude, and hundreds
-/// of such steps without the moments of a real run would change the measured model.
+/// Factor on all learning rates. Adam moves parameters by the rate regardless of the gradient's magnitude, and without
+/// the moments of a real run hundreds of full steps would change the measured model.
 inline constexpr double kFrozenRates = 1e-6;
 
 /// The numbers of repetitions.

@@ -35,8 +35,8 @@ struct PrecisionRow {
     double psnr = 0;                           ///< dB, against frames in double; infinite if all are equal
 };
 
-/// Measures `model` on the scene at every level that the device of `options` supports, one level after another. Frames
-/// of the test views (of the training views if there are none) and iterations are timed as in run_bench; errors are
+/// Measures `model` on the scene at every level that the device of `options` supports, one level after another.
+/// Times iterations, and frames of the test views (training views if there are none), as in run_bench; errors are
 /// measured on up to four of those views.
 std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const Scene& scene, const Gaussians& model,
                                             const BenchOptions& bench);

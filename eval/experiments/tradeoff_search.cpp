@@ -123,8 +123,8 @@ std::optional<double> TimePlan::seconds(const TrainOptions& options) const {
         if (!run.options.ends_by_iterations()) continue;
         const double iterations = double(options.iterations) / double(run.options.iterations);
         const double gaussians = double(options.cap_max) / double(run.options.cap_max);
-        // A size difference of 1 % outweighs another appearance: the times of appearances differ by less than a factor
-        // of two.
+        // A size difference of 1 % outweighs another appearance: the times of appearances differ less than
+        // twofold.
         const double distance = std::abs(std::log(iterations)) + std::abs(std::log(gaussians)) +
                                 (run.options.appearance == options.appearance ? 0 : 0.01);
         if (distance >= least) continue;

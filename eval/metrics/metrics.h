@@ -74,8 +74,8 @@ struct ImageScore {
 };
 
 /// Compares two image files, converted to 8 bits and with alpha on black, by the named metrics (parse_metric_names).
-/// Returns one score per metric, in their order. Throws DataError for a file that cannot be read, UsageError for images
-/// of different sizes, and the errors of make_metrics.
+/// Returns one score per metric, in their order. Throws DataError for a file that cannot be read, UsageError if the
+/// sizes of the images differ, and the errors of make_metrics.
 std::vector<ImageScore> compare_images(const std::filesystem::path& render, const std::filesystem::path& truth,
                                        const std::vector<std::string>& metrics, const MetricOptions& options);
 

@@ -77,8 +77,6 @@ std::string latex(const TextTable& table, const std::string& protocol) {
 
 using Json = nlohmann::ordered_json;
 
-Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
-
 const char* direction_name(Better better) {
     if (better == Better::kNeither) return "neither";
     return better == Better::kHigher ? "higher" : "lower";

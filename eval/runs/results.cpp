@@ -44,15 +44,6 @@ Json& section(Json& json, const std::string& key) {
     return json[key];
 }
 
-/// Returns object[key]; null if either is missing.
-const Json* at(const Json* object, const std::string& key) {
-    if (!object || !object->is_object()) return nullptr;
-    const auto found = object->find(key);
-    return found == object->end() ? nullptr : &*found;
-}
-
-Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
-
 void write_field(Json& results, const RunResult& result, const ResultField& field) {
     const std::optional<Json> value = field_json(result, field);
     if (!value || !field.section) return;
@@ -69,9 +60,9 @@ void write_field(Json& results, const RunResult& result, const ResultField& fiel
 const Json* stored(const Json& results, const std::string& key, const ResultField& field) {
     if (!field.section) return nullptr;
     const std::string part = field.section;
-    if (part.empty()) return at(at(&results, key), field.name);
-    const Json* of_iteration = at(at(&results, part), key);
-    return part == field.name ? of_iteration : at(of_iteration, field.name);
+    if (part.empty()) return find_member(find_member(&results, key), field.name);
+    const Json* of_iteration = find_member(find_member(&results, part), key);
+    return part == field.name ? of_iteration : find_member(of_iteration, field.name);
 }
 
 void write_per_view(const RunFolder& folder, const RunResult& result) {
@@ -110,7 +101,7 @@ void write_results(const RunFolder& folder, const RunResult& result) {
             results["not_measured"][key][name] = score.reason;
     }
     if (results["not_measured"].empty()) results.erase("not_measured");
-    if (at(at(&results, "run"), key)) results["run"][key] = Json::object();
+    if (find_member(find_member(&results, "run"), key)) results["run"][key] = Json::object();
     for (const ResultField& field : result_fields()) write_field(results, result, field);
     write_per_view(folder, result);
     write_text_atomic(folder.results(), json_text(results, 1) + "\n");
@@ -155,7 +146,7 @@ RunResult read_results(const std::filesystem::path& run_folder, std::optional<st
     }
     for (const auto& [name, value] : json.at(key).items())
         if (name != "PSNR" && name != "SSIM" && value.is_number()) result.scores[name].value = value.get<double>();
-    if (const Json* reasons = at(at(&json, "not_measured"), key))
+    if (const Json* reasons = find_member(find_member(&json, "not_measured"), key))
         for (const auto& [name, reason] : reasons->items())
             if (reason.is_string()) result.scores[name].reason = reason.get<std::string>();
     if (const std::string name = result.protocol_name(); !name.empty() && !is_protocol(name))

@@ -2,19 +2,15 @@
 // Lists the fields, and converts their values to JSON and back.
 #include "eval/runs/run_result.h"
 
-#include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include "lib/core/json_text.h"
 
 namespace gs {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-const Json* member_of(const Json& object, const char* key) {
-    const auto found = object.is_object() ? object.find(key) : object.end();
-    return found == object.end() ? nullptr : &*found;
-}
 
 bool read(const Json& json, double& value) {
     if (!json.is_number() && !json.is_null()) return false;
@@ -50,25 +46,25 @@ bool read(const Json& json, Json& value) {
 bool read(const Json& json, std::optional<FrameTimes>& value) {
     FrameTimes times;
     const auto count = [&](const char* name, int& number) {
-        const Json* found = member_of(json, name);
+        const Json* found = find_member(&json, name);
         if (!found || !found->is_number_integer()) return false;
         number = int(found->get<std::int64_t>());
         return true;
     };
     const auto seconds = [&](const char* name, double& number) {
-        const Json* found = member_of(json, name);
+        const Json* found = find_member(&json, name);
         return found && found->is_number() && read(*found, number);
     };
     if (!count("num_views", times.num_views) || !count("frames_per_view", times.frames_per_view) ||
         !seconds("mean_seconds", times.mean) || !seconds("median_seconds", times.median) ||
         !seconds("min_seconds", times.min) || !seconds("max_seconds", times.max))
         return false;
-    if (const Json* device = member_of(json, "device")) read(*device, times.device);
+    if (const Json* device = find_member(&json, "device")) read(*device, times.device);
     value = times;
     return true;
 }
 
-std::optional<Json> json_of(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+std::optional<Json> json_of(double value) { return finite_or_null(value); }
 std::optional<Json> json_of(std::int64_t value) { return Json(value); }
 std::optional<Json> json_of(const std::string& value) { return Json(value); }
 std::optional<Json> json_of(const Json& value) { return value.is_null() ? std::nullopt : std::optional(value); }
@@ -84,7 +80,7 @@ template <class T> std::optional<Json> json_of(const std::optional<T>& value) {
 
 std::string text_at(const Json& object, const char* key) {
     std::string text;
-    if (const Json* found = member_of(object, key)) read(*found, text);
+    if (const Json* found = find_member(&object, key)) read(*found, text);
     return text;
 }
 

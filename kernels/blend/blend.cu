@@ -167,8 +167,8 @@ __device__ int list_splats(BlockMemory& shared, int buffer, int warp, int lane) 
     return listed;
 }
 
-/// Records which instances of a chunk changed a pixel. `blended` of lane k holds the bits of splats 32 k .. 32 k + 31
-/// of the warp's list. Returns the number of such instances among the lane-th 32 instances.
+/// Records which instances of a chunk changed a pixel. Lane k's `blended` has a bit for each splat of the warp's list
+/// from 32 k to 32 k + 31. Returns the number of such instances among the lane-th 32 instances.
 template <bool kShared>
 __device__ int note_hits(const BlockMemory& shared, int buffer, int warp, int lane, unsigned blended, int num_groups,
                          std::uint32_t* hits) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The backward pass of the blend, with one warp per chunk and pair of sub-tiles.
 //
-// A warp processes 16 splats at a time. A lane has a column of four pixels and four consecutive splats; the four lanes
-// of a column cover all 16. Each lane gets from the others the transmittance before its first splat and the light from
+// A warp processes 16 splats at a time. A lane has a column of four pixels and four consecutive splats; a column's
+// four lanes cover all 16. Each lane gets from the others the transmittance before its first splat and the light from
 // behind it, and then works independently. It adds up its fragments by column, and the eight columns are summed through
 // shared memory. With one lane per pixel, all 32 lanes would read every splat, and would have to sum nine values of
 // each: the path to shared memory would be the bottleneck.

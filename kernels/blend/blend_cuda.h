@@ -105,8 +105,8 @@ void write_medians(const CudaBins& bins, const PackedSplat* splats, const BlendI
 
 // The scores of all Gaussians on the device, gathered view by view (docs/math/densification.md#pruning-by-score).
 
-/// The scores of n Gaussians. Holds 4 bytes per Gaussian while it lives, plus 24 bytes per instance with a fixed order
-/// of sums.
+/// The scores of n Gaussians. Holds 4 bytes per Gaussian while it lives, plus 24 bytes per instance if the order of
+/// the sums is fixed.
 class CudaScores {
   public:
     /// Starts with scores of zero.
@@ -136,8 +136,8 @@ class CudaResidualScores {
     }
     CudaResidualScores(std::int64_t num_residuals, cudaStream_t stream);
 
-    /// Keeps the gradients by the colours, from the backward pass of a view's error. A Gaussian with `counts` 0 is out
-    /// of view.
+    /// Keeps the gradients by the colours, from the backward pass of a view's error. `counts` is 0 for a
+    /// Gaussian that is not in view.
     void keep_gradients(const std::uint32_t* counts, const PackedSums* sums);
     /// Adds the view, with the sums of the backward pass of its weights.
     void add(const ParameterView<float>& params, const std::uint32_t* counts, const PackedSplat* splats,

@@ -98,8 +98,8 @@ struct RowSlice {
     std::size_t floats = 0;
 };
 
-/// Takes a slice for up to `rows` rows. `block` is the scratch's size in bytes before carving; the slice uses the rest
-/// of it.
+/// Takes a slice for up to `rows` rows. `block` is the scratch's size in bytes before carving; the slice uses
+/// the remaining bytes.
 inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows, std::int64_t block) {
     const std::size_t left = std::size_t(block) > c.at() + 256 ? std::size_t(block) - c.at() - 256 : 0;
     const auto widest = std::size_t(*std::max_element(model.width, model.width + kNumGroups));

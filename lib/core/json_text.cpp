@@ -3,6 +3,7 @@
 #include "lib/core/json_text.h"
 
 #include <fmt/format.h>
+#include <cmath>
 
 #include <charconv>
 #include <iterator>
@@ -201,6 +202,16 @@ nlohmann::json parse_json(const std::string& text, bool comments) { return parse
 nlohmann::json try_parse_json(const std::string& text) { return parsed_or_discarded<nlohmann::json>(text); }
 nlohmann::ordered_json try_parse_ordered_json(const std::string& text) {
     return parsed_or_discarded<nlohmann::ordered_json>(text);
+}
+
+nlohmann::ordered_json finite_or_null(double value) {
+    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+const nlohmann::ordered_json* find_member(const nlohmann::ordered_json* object, const std::string& key) {
+    if (!object || !object->is_object()) return nullptr;
+    const auto found = object->find(key);
+    return found == object->end() ? nullptr : &*found;
 }
 
 }  // namespace gs

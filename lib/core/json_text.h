@@ -13,6 +13,12 @@ namespace gs {
 std::string json_text(const nlohmann::json& json, int indent = -1);
 std::string json_text(const nlohmann::ordered_json& json, int indent = -1);
 
+/// Returns the number, or null for infinity and NaN, which JSON does not have.
+nlohmann::ordered_json finite_or_null(double value);
+
+/// Returns object[key]; null if `object` is null or no JSON object, or has no such key.
+const nlohmann::ordered_json* find_member(const nlohmann::ordered_json* object, const std::string& key);
+
 /// Parses one JSON value. `comments` allows comments (// and /* */). Throws nlohmann::json::exception if the text is
 /// not JSON, is nested too deeply, or repeats a key within one object.
 nlohmann::json parse_json(const std::string& text, bool comments = false);

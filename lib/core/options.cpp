@@ -235,7 +235,10 @@ template <class T>
 void read_value(T& value, const Option& option, bool is_whole, const std::string& text, const std::string& where) {
     if constexpr (is_optional<T>) {
         value.reset();
-        if (text != option.unset_word) read_value(value.emplace(), option, is_whole, text, where);
+        if (text == option.unset_word) return;
+        read_value(value.emplace(), option, is_whole, text, where);
+        if constexpr (is_number<typename T::value_type>)  // "0.0", "00" and "-0" are other spellings of "0"
+            if (number_text(*value + 0) == option.unset_word) value.reset();
     } else {
         if constexpr (is_number<T>) {
             if (!option.max_word.empty() && text == option.max_word)

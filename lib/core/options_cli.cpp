@@ -14,18 +14,19 @@
 namespace gs {
 namespace {
 
+/// The type of a value, or of the values that an optional or a list contains.
+template <class T> struct Contained { using type = T; };
+template <class T> struct Contained<std::optional<T>> { using type = T; };
+template <class T> struct Contained<std::vector<T>> { using type = T; };
+
 const char* type_word(const Option& option) {
     if (const auto* of_model = std::get_if<ModelOptionField>(&option.field))
         return of_model->is_whole ? "INTEGER" : "NUMBER";
     return std::visit(
         [](const auto& field) {
-            using T = std::decay_t<decltype(option_value(TrainOptions{}, field))>;
-            constexpr auto is_one_of = []<class... U>(std::variant<U...>*) { return (std::is_same_v<T, U> || ...); };
-            using Reals = std::variant<double, std::optional<double>>;
-            using Integers = std::variant<int, std::optional<int>, std::int64_t, std::optional<std::int64_t>,
-                                          std::uint64_t, std::vector<std::int64_t>>;
-            if constexpr (is_one_of(static_cast<Reals*>(nullptr))) return "NUMBER";
-            if constexpr (is_one_of(static_cast<Integers*>(nullptr))) return "INTEGER";
+            using T = typename Contained<std::decay_t<decltype(option_value(TrainOptions{}, field))>>::type;
+            if constexpr (std::is_same_v<T, double>) return "NUMBER";
+            if constexpr (std::is_integral_v<T>) return "INTEGER";
             return "TEXT";
         },
         option.field);

@@ -34,11 +34,6 @@ int terminal_columns() {
     return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
 }
 
-nlohmann::ordered_json finite_or_null(double value) {
-    if (!std::isfinite(value)) return nullptr;
-    return value;
-}
-
 }  // namespace
 
 ProgressStyle progress_style(bool quiet, bool json) {

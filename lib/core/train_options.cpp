@@ -304,7 +304,7 @@ std::vector<Option> start_options() {
             .path(),
         number("init-points", &O::init_points, {1, 1e8, "Gaussians"},
                "random initialisation only: number of points that are drawn")
-            .gives("a tenth of the Gaussians on lego kept the 100,000 points that they began with "
+            .gives("lego with a cap of 30,000 keeps all of the 100,000 points that it begins with "
                    "([settings](lab/settings.md#densification-and-activations))"),
     };
 }

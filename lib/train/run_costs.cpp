@@ -110,7 +110,8 @@ double estimate_seconds(const ScheduleOptions& options, const DensificationOptio
 
 LongTrainingWarning::LongTrainingWarning(const TrainOptions& options, double pixels, std::int64_t cap,
                                          std::int64_t iteration, double train_seconds)
-    : options_(options),
+    : length_(options),
+      growth_(options),
       pixels_(pixels),
       cap_(cap),
       first_iteration_(iteration),
@@ -122,7 +123,7 @@ void LongTrainingWarning::update(std::int64_t iteration, double train_seconds, s
     if (done_ || measured < kMeasuredSeconds) return;
     done_ = true;
     const std::int64_t iterations = iteration - first_iteration_;
-    const double seconds = estimate_seconds(options_, options_,
+    const double seconds = estimate_seconds(length_, growth_,
                                             {.iteration = iteration,
                                              .seconds_per_iteration = measured / double(iterations),
                                              .num_gaussians = num_gaussians,

@@ -48,7 +48,8 @@ class LongTrainingWarning {
     void update(std::int64_t iteration, double train_seconds, std::int64_t num_gaussians);
 
   private:
-    const TrainOptions& options_;
+    const ScheduleOptions& length_;
+    const DensificationOptions& growth_;
     const double pixels_;
     const std::int64_t cap_, first_iteration_;
     const double first_seconds_;

@@ -17,7 +17,8 @@ constexpr double kWorthPerFrame = 4;
 
 StepRunner::StepRunner(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance,
                        ModelLimits& limits, TrainingSchedule& schedule, Journal& journal)
-    : options_(options),
+    : output_(options),
+      length_(options),
       limits_(limits),
       schedule_(schedule),
       journal_(journal),
@@ -74,7 +75,7 @@ void StepRunner::take(Backend& backend) {
 std::vector<StepView> StepRunner::next_views(Backend& backend) {
     const std::int64_t first = schedule_.iteration(),
                        end = std::min({first + backend.views_per_step(), (first / kLogInterval + 1) * kLogInterval,
-                                       next_output(options_, first), end_of_views()});
+                                       next_output(output_, first), end_of_views()});
     std::vector<StepView> views;
     for (std::int64_t k = 0; first + k < end; ++k)
         views.push_back(views_.at(first + k, end_of_views(), schedule_.reduction(), backend.needs_pixels(int(k))));
@@ -83,7 +84,7 @@ std::vector<StepView> StepRunner::next_views(Backend& backend) {
 
 /// Returns the first iteration for which no image is decoded ahead.
 std::int64_t StepRunner::end_of_views() const {
-    return options_.ends_by_iterations() ? options_.iterations : std::numeric_limits<std::int64_t>::max();
+    return length_.ends_by_iterations() ? length_.iterations : std::numeric_limits<std::int64_t>::max();
 }
 
 void StepRunner::decide_photometric(Backend& backend, const ScheduleMoment& moment) {

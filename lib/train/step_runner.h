@@ -70,7 +70,8 @@ class StepRunner {
     void decide_photometric(Backend& backend, const ScheduleMoment& moment);
     StepSource steps_on_views(const ScheduleMoment& moment);
 
-    const TrainOptions& options_;
+    const OutputOptions& output_;
+    const ScheduleOptions& length_;
     ModelLimits& limits_;
     TrainingSchedule& schedule_;
     Journal& journal_;

@@ -301,6 +301,26 @@ TEST(Options, AWordMayStandInPlaceOfANumber) {
     EXPECT_EQ(complaint("scaling-lr", "auto"), "--scaling-lr: 'auto' is not a finite number");
 }
 
+TEST(Options, EverySpellingOfTheNumberThatUnsetsDoesSo) {
+    for (const auto& [key, texts] : {std::pair{"target-psnr", std::vector<std::string>{"0", "0.0", "0e3", "-0"}},
+                                     {"appearance-bytes", {"0", "0.0"}},
+                                     {"checkpoint-minutes", {"0", "0.0"}},
+                                     {"preview-every", {"0", "00"}},
+                                     {"batch", {"0", "00"}},
+                                     {"resolution", {"-1", "-01"}}}) {
+        for (const std::string& text : texts) {
+            TrainOptions options = with_source();
+            set_option(options, find(key), {text}, key);
+            EXPECT_EQ(option_text(find(key), options), texts[0]) << key << " " << text;
+            options = resolve(options);
+            EXPECT_FALSE(options.target_psnr || options.appearance_bytes || options.preview_every || options.batch ||
+                         options.resolution)
+                << key << " " << text;
+            EXPECT_EQ(options.checkpoint_minutes.has_value(), key != std::string("checkpoint-minutes")) << text;
+        }
+    }
+}
+
 TEST(Options, DocumentationPageIsTheGeneratedOne) {
     const auto& models = appearance_models();
     if (std::none_of(models.begin(), models.end(), [](const ModelInfo* m) { return m->variant; }))

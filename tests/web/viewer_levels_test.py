@@ -15,41 +15,18 @@ import time
 from browser import PATIENCE, Browser, find_chromium, check, check_accessible
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
-SCENE = [
-    "-s",
-    "builtin:glossy",
-    "-r",
-    "4",
-    "--device",
-    "cpu",
-    "--quiet",
-    "--appearance",
-    "none",
-    "--iterations",
-    "200",
-    "--densification-interval",
-    "5",
-    "--densify-until-iter",
-    "190",
-    "--cap-max",
-    "17000",
-]
+
+def scene(*options):
+    """Flags of a training of a built-in scene on the CPU."""
+    return ["-s", "builtin:glossy", "--device", "cpu", "--quiet", "--appearance", "none", *options]
+
+
+SCENE = scene(
+    *("-r", "4", "--iterations", "200", "--cap-max", "17000"),
+    *("--densification-interval", "5", "--densify-until-iter", "190"),
+)
 # Enough for the names of its views.
-SMALL_SCENE = [
-    "-s",
-    "builtin:glossy",
-    "-r",
-    "8",
-    "--device",
-    "cpu",
-    "--quiet",
-    "--appearance",
-    "none",
-    "--iterations",
-    "20",
-    "--init-points",
-    "500",
-]
+SMALL_SCENE = scene("-r", "8", "--iterations", "20", "--init-points", "500")
 PIXELS = "gsapp.testViewPixels(2, 'full').then(v => v.pixels.join())"
 
 

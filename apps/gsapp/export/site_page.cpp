@@ -38,8 +38,8 @@ Camera upright(Camera camera, const Vector3d& up) {
     return camera;
 }
 
-/// Returns a camera that looks from one point to another, with a vertical field of view in degrees and the aspect ratio
-/// of `like`.
+/// Returns a camera that looks from one point to another. `like` gives the aspect ratio; the vertical field of view is
+/// in degrees.
 Camera looking(const Vector3d& from, const Vector3d& to, double fov, const Camera& like, const Vector3d& up) {
     Camera camera = like;
     camera.cx = 0.5 * camera.width, camera.cy = 0.5 * camera.height;

@@ -192,12 +192,12 @@ void LivePage::add_psnr(std::int64_t iteration, double psnr, const std::string& 
 
 WatcherRequests LivePage::requests() const {
     const std::lock_guard lock(mutex_);
-    return wishes_;
+    return requests_;
 }
 
 void LivePage::saved() {
     const std::lock_guard lock(mutex_);
-    wishes_.save = false;
+    requests_.save = false;
 }
 
 void LivePage::linger(double seconds) {
@@ -254,7 +254,7 @@ WebAnswer LivePage::status() {
                                    {"num_gaussians", course_.num_gaussians()},
                                    {"train_seconds", course_.train_seconds()}};
     json.update(state_);
-    json["save_pending"] = wishes_.save;
+    json["save_pending"] = requests_.save;
     json["model"] = version_ == 0 ? nlohmann::ordered_json()
                                   : nlohmann::ordered_json({{"version", version_},
                                                             {"iteration", snapshot_iteration_},
@@ -291,13 +291,13 @@ WebAnswer LivePage::control(const WebRequest& request) {
     const std::string name = request.path.substr(std::string("/live/").size());
     const std::lock_guard lock(mutex_);
     if (name == "pause")
-        wishes_.pause = true;
+        requests_.pause = true;
     else if (name == "continue")
-        wishes_.pause = false;
+        requests_.pause = false;
     else if (name == "save")
-        wishes_.save = true;
+        requests_.save = true;
     else if (name == "stop")
-        wishes_.stop = true;
+        requests_.stop = true;
     else
         return {.status = 404};
     WebAnswer done;

@@ -136,7 +136,7 @@ class LivePage {
     std::filesystem::path snapshot_;
     std::int64_t version_ = 0, snapshot_iteration_ = 0, fetched_ = 0;
     std::vector<std::weak_ptr<void>> transfers_;  ///< snapshots being transferred
-    WatcherRequests wishes_;
+    WatcherRequests requests_;
     std::atomic<double> looked_ = -1e9;  ///< time of the last status request
     bool told_last_ = false;             ///< whether a page has requested the status since its last change
     FileServer server_;

@@ -37,8 +37,8 @@ struct OrbitShape {
 };
 
 /// Returns a default view of a model without cameras, in the model's frame: 1280x720 pixels, 50 degrees high, from
-/// above the centre of the Gaussians, in front of the model, and at a distance that shows most of them. Sets the target
-/// of `shape` to that centre, and its up direction to -y, unless they are given.
+/// above the centre of the Gaussians, in front of the model, and at a distance that shows most of them. Unless
+/// `shape` has them, its target becomes that centre, and its up direction -y.
 View usual_view(const Gaussians& model, OrbitShape& shape, const Frame& frame);
 
 /// Returns cameras on a circle, in the frame, with the first view's intrinsics. Unless the shape sets other values,
