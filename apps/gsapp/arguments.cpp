@@ -15,12 +15,13 @@ namespace gs {
 namespace {
 
 /// Options that also apply to a run.
-const std::set<std::string> kOfRuns = {"source", "device"};
+const std::set<std::string> kOfRuns = {"source", "device", "lens"};
 
-std::vector<std::string> keys(DeviceOption device) {
+std::vector<std::string> keys(const CLI::App& command, DeviceOption device) {
     std::vector<std::string> all = {"source",    "images",    "resolution",   "eval",       "test-every",
                                     "test-list", "mask-mode", "invert-masks", "alpha-mode", "background"};
     if (device == DeviceOption::kDeclared) all.push_back("device");
+    if (!command.get_option_no_throw("--lens")) all.push_back("lens");  // render has one of its own
     return all;
 }
 
@@ -43,7 +44,7 @@ std::unique_ptr<RankGroup> join_ranks(int ranks, const std::string& command, con
 }
 
 SceneArguments::SceneArguments(CLI::App& command, const std::string& source_help, DeviceOption device)
-    : arguments_(command, keys(device), "Views of a .ply file") {
+    : arguments_(command, keys(command, device), "Views of a .ply file") {
     command.get_option("--source")->description(source_help)->type_name("SCENE")->group("Options");
     command.get_option("--eval")->description("Hold out test views (default); --eval=false: all views train");
     if (device == DeviceOption::kDeclared)
@@ -59,6 +60,7 @@ RunChanges SceneArguments::changes(const std::vector<std::string>& runs) const {
     const std::set<std::string> given = arguments_.given();
     RunChanges changes{.source = options.source, .point_cloud = options};
     if (given.contains("device")) changes.device = options.device;
+    if (given.contains("lens")) changes.lens = options.lens;
     if (std::any_of(runs.begin(), runs.end(), [](const std::string& run) { return is_point_cloud(run); }))
         return changes;
     for (const Option& option : train_option_table()) {

@@ -111,7 +111,7 @@ std::vector<Subject> subjects(const EvalArguments& arguments, const RunChanges& 
         throw UsageError("--output is the folder of one model's results; name one model");
     std::vector<Subject> all;
     for (const std::string& run : arguments.runs) {
-        Subject subject{run, results_folder(run, changes.source)};
+        Subject subject{run, results_folder(run, changes)};
         if (!arguments.output.empty()) {
             subject.results = arguments.output;
         } else if (is_point_cloud(run)) {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -28,6 +29,7 @@
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/model/model_file.h"
+#include "lib/scene/resized.h"
 
 namespace gs {
 namespace {
@@ -36,9 +38,13 @@ namespace fs = std::filesystem;
 
 constexpr double kUsualFps = 30;
 
+/// Largest field of view of a fisheye picture, degrees.
+constexpr double kMostFov = 350;
+
 struct RenderArguments {
     std::string run, views = "test", path, output, ppisp_eval, show = "picture", size, video, orbit_radius,
-                     orbit_target, orbit_up;
+                     orbit_target, orbit_up, lens;
+    double lens_fov = 180;
     std::shared_ptr<SceneArguments> scene;
     int orbit = 0;
     int ranks = 1;
@@ -106,6 +112,34 @@ void resize_views(std::vector<ViewSet>& sets, const PictureSize& size) {
         size.width, size.height, horizontal_degrees(before), horizontal_degrees(sets[0].views[0].camera));
 }
 
+/// Puts a lens before all cameras: "pinhole", "fisheye" (equidistant, lens_fov degrees across the width) or
+/// "equirectangular".
+void set_lens(std::vector<ViewSet>& sets, const RenderArguments& arguments, const std::optional<PictureSize>& size) {
+    LensCamera lens;
+    if (arguments.lens == "equirectangular") {
+        const PictureSize s = size.value_or(PictureSize{2048, 1024});
+        lens = make_lens_camera(CameraModel::kEquirectangular, s.width, s.height,
+                                std::array{double(s.width), double(s.height)});
+    } else if (arguments.lens == "fisheye") {
+        const PictureSize s = size.value_or(PictureSize{1024, 1024});
+        const double focal = s.width / (arguments.lens_fov * std::numbers::pi / 180);
+        lens = make_lens_camera(CameraModel::kSimpleFisheye, s.width, s.height,
+                                std::array{focal, 0.5 * s.width, 0.5 * s.height});
+    }
+    const LensRange range = lens_range(lens);
+    for (ViewSet& set : sets)
+        for (View& view : set.views) {
+            Camera& camera = view.camera;
+            if (arguments.lens == "pinhole") {
+                camera = without_lens(camera);
+                if (size) camera = with_vertical_field(camera, *size);
+                continue;
+            }
+            static_cast<LensCamera&>(camera) = lens;
+            camera.range = range;
+        }
+}
+
 /// Sets views of several sizes, which cannot form a video, to the most frequent size, rounded down to even numbers; if
 /// several are equally frequent, to the largest of them.
 void unite_sizes(std::vector<ViewSet>& sets) {
@@ -161,7 +195,9 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
                                   arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration), changes);
     catch_interrupts();  // from here on, so that unfinished images are removed
     WantedViews wanted = wanted_views(arguments, run);
-    if (size)
+    if (!arguments.lens.empty())
+        set_lens(wanted.sets, arguments, size);
+    else if (size)
         resize_views(wanted.sets, *size);
     else if (!arguments.video.empty())
         unite_sizes(wanted.sets);
@@ -244,6 +280,16 @@ void add_camera_options(CLI::App& command, RenderArguments& arguments) {
     command.add_option("--size", arguments.size,
                        "Size of the pictures, WIDTHxHEIGHT; the vertical field of view stays, so wider pictures show "
                        "more at the sides (default: the cameras' own)");
+    CLI::Option* lens =
+        command
+            .add_option("--lens", arguments.lens,
+                        "Lens of the pictures: pinhole, fisheye (equidistant, 1024x1024 unless --size says otherwise) or "
+                        "equirectangular (360 degrees, 2048x1024; default: the cameras' own)")
+            ->check(CLI::IsMember({"pinhole", "fisheye", "equirectangular"}));
+    command.add_option("--lens-fov", arguments.lens_fov, "Degrees that a fisheye picture shows across its width")
+        ->check(CLI::Range(1.0, kMostFov))
+        ->needs(lens)
+        ->capture_default_str();
 }
 
 void add_picture_options(CLI::App& command, RenderArguments& arguments) {

@@ -115,8 +115,8 @@ class Measurement {
                 sample.residual[std::ptrdiff_t(c)] +=
                     photograph.colors.u8[3 * i + c] / 255.0 - std::clamp(double(render.rgb[c * n + i]), 0.0, 1.0);
             const int x = photograph.pixels[i] % camera.width, y = photograph.pixels[i] / camera.width;
-            sample.direction +=
-                Eigen::Vector3d((x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy, 1).normalized();
+            const auto ray = unproject(camera, {x + 0.5, y + 0.5});
+            sample.direction += ray.value_or(Eigen::Vector3d(0, 0, 1));
         }
         for (auto& [key, sample] : out.samples) {
             sample.residual /= sample.pixels;

@@ -48,6 +48,15 @@ struct Pair {
     double render_seconds = 0;
 };
 
+/// Makes the pixels of a render black that the view's lens does not see, as they are in the photograph.
+RenderedImage seen_part(const View& view, RenderedImage image) {
+    if (!view.seen) return image;
+    const std::size_t pixels = view.seen->u8.size();
+    for (std::size_t i = 0; i < pixels; ++i)
+        if (!view.seen->u8[i]) image.rgb[i] = image.rgb[pixels + i] = image.rgb[2 * pixels + i] = 0;
+    return image;
+}
+
 /// Renders views, each with its parts if requested, and in the aligned modes fits their colours to the photographs.
 class Renderer {
   public:
@@ -73,14 +82,15 @@ class Renderer {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
         RenderQueue renders(backend_, requests(views, false));
         ColourFit fit;
-        for (const View& view : views) fit.add(renders.next(), photograph_of(view, background_, protocol_));
+        for (const View& view : views)
+            fit.add(seen_part(view, renders.next()), photograph_of(view, background_, protocol_));
         common_ = fit.solve();
     }
     /// Sets the views for the following calls of pair(), in their order.
     void begin(const std::vector<View>& views) { renders_.emplace(backend_, requests(views, with_parts_)); }
 
     Pair pair(const View& view) {
-        RenderedImage image = renders_->next();
+        RenderedImage image = seen_part(view, renders_->next());
         Pair pair;
         pair.render_seconds = renders_->seconds();
         pair.truth = photograph_of(view, background_, protocol_);

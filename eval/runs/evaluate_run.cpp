@@ -58,8 +58,10 @@ class NewPictures {
 
 }  // namespace
 
-std::filesystem::path results_folder(const std::filesystem::path& run, const std::string& source) {
-    return source.empty() ? run : run / ("on-" + scene_name(source));
+std::filesystem::path results_folder(const std::filesystem::path& run, const RunChanges& changes) {
+    const std::string lens = changes.lens ? "-" + std::string(kWordsOf<LensMode>[std::size_t(*changes.lens)]) : "";
+    if (!changes.source.empty()) return run / ("on-" + scene_name(changes.source) + lens);
+    return changes.lens ? run / ("on" + lens) : run;
 }
 
 RunResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rounds,

@@ -9,9 +9,9 @@
 
 namespace gs {
 
-/// Returns the folder of a run's results: the run's own folder, or RUN/on-SCENE for the views of another `source`,
-/// whose results are kept separate.
-std::filesystem::path results_folder(const std::filesystem::path& run, const std::string& source);
+/// Returns the folder of a run's results: the run's own folder, or RUN/on-SCENE-LENS for the views of another scene or
+/// through another lens, whose results are kept separate.
+std::filesystem::path results_folder(const std::filesystem::path& run, const RunChanges& changes);
 
 /// Scores the test views of `run` with `options` (evaluate_views) and writes results.json and per_view.json to
 /// `results`, with the mean frame time over `frame_rounds` rounds through the views unless that is 0. Logs the metrics

@@ -66,6 +66,7 @@ TrainOptions saved_options(const fs::path& run_folder, const RunChanges& instead
     options.model = run_folder.string();  // the folder may have been moved
     if (!instead.source.empty()) options.source = instead.source;
     if (instead.device) options.device = *instead.device;
+    if (instead.lens) options.lens = *instead.lens;
     if (!options.source.empty()) return options;
     if (!bare)
         throw DataError(fmt::format("{}: no 'source', so the scene of the run is not known",
@@ -115,7 +116,7 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
 
 Scene load_scene_of(SavedModel& model, const TrainOptions& options, const RunChanges& changes) {
     const LoadRules rules{.frame = model.frame, .scores = changes.scores};
-    const bool may_differ = is_point_cloud(options.model) || (changes.other_scene && !changes.source.empty());
+    const bool may_differ = is_point_cloud(options.model) || (changes.other_scene && (!changes.source.empty() || changes.lens));
     Scene scene = may_differ ? load_scene(options, rules) : load_run_scene(options.model, options, rules);
     if (!model.frame) {
         bring_into_frame(model.state, scene.frame);
@@ -141,8 +142,9 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
         run.scene.frame = model.frame.value_or(Frame{});
     } else {
         run.scene = load_scene_of(model, run.options, instead);
-        if (instead.other_scene && !instead.source.empty() && !is_point_cloud(run_folder)) {
-            run.is_other_scene = is_other_scene(run_folder, run.options, run.scene);
+        if (instead.other_scene && (!instead.source.empty() || instead.lens) && !is_point_cloud(run_folder)) {
+            const bool other_lens = instead.lens && *instead.lens != load_run_options(run_folder).lens;
+            run.is_other_scene = other_lens || is_other_scene(run_folder, run.options, run.scene);
             if (!run.is_other_scene) require_run_scene(run_folder, run.options, run.scene);
         }
     }

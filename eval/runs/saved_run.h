@@ -53,6 +53,7 @@ SavedModel read_saved_model(const std::filesystem::path& run_folder, std::option
 struct RunChanges {
     std::string source = {};
     std::optional<Device> device = {};
+    std::optional<LensMode> lens = {};  ///< with other_scene: how photographs are used that are no pinhole's
     bool scores = false;       ///< SceneOptions::scores
     bool other_scene = false;  ///< whether `source` may be a different scene than the run was trained on
     /// Options for point clouds without a run; if empty, such point clouds are refused. `source` and `device` of this

@@ -7,10 +7,13 @@
 
 #if defined(__CUDACC__)
 #define GS_HD __host__ __device__ __forceinline__
+/// Keeps a function that few calls need out of the registers of the others.
+#define GS_NOINLINE inline __host__ __device__ __noinline__
 /// Unrolls the next loop on the device, so that the elements of an array stay in registers. The bound must be constant.
 #define GS_UNROLL _Pragma("unroll")
 #else
 #define GS_HD inline __attribute__((always_inline))
+#define GS_NOINLINE inline
 #define GS_UNROLL
 #endif
 
@@ -47,6 +50,8 @@ GS_HD void gs_sincos(float x, float& s, float& c) { ::sincosf(x, &s, &c); }
 GS_HD void gs_sincos(double x, double& s, double& c) { ::sincos(x, &s, &c); }
 GS_HD float gs_fma(float a, float b, float c) { return ::fmaf(a, b, c); }
 GS_HD double gs_fma(double a, double b, double c) { return ::fma(a, b, c); }
+GS_HD float gs_atan2(float y, float x) { return ::atan2f(y, x); }
+GS_HD double gs_atan2(double y, double x) { return ::atan2(y, x); }
 GS_HD float gs_floor(float x) { return ::floorf(x); }
 GS_HD double gs_floor(double x) { return ::floor(x); }
 GS_HD float gs_ceil(float x) { return ::ceilf(x); }
@@ -62,6 +67,7 @@ inline long double gs_abs(long double x) { return ::fabsl(x); }
 inline long double gs_tanh(long double x) { return ::tanhl(x); }
 inline long double gs_sin(long double x) { return ::sinl(x); }
 inline long double gs_cos(long double x) { return ::cosl(x); }
+inline long double gs_atan2(long double y, long double x) { return ::atan2l(y, x); }
 inline void gs_sincos(long double x, long double& s, long double& c) { s = ::sinl(x), c = ::cosl(x); }
 // fmal would be a hundred times slower.
 inline long double gs_fma(long double a, long double b, long double c) { return a * b + c; }

@@ -228,6 +228,10 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
     next = gaussian(at + kChunk);
     for (std::uint32_t base = begin; base < end; base += kChunk, at += kChunk, buffer ^= 1) {
         wait_for_splat();
+        if (image.period > 0) {
+            float& x = shared.splats[buffer][threadIdx.x].a.x;
+            x = image.near_x(x, corner.x);
+        }
         unsigned reached = 0, word = 0;
         if (at < end)
             reached = reached_sub_tiles(shared.splats[buffer][threadIdx.x].splat(), corner, mine.offset,

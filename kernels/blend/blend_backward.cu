@@ -240,7 +240,9 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     };
     const auto fetch = [&](std::uint32_t target) {
         if (target == kNobody) return HalfSplat{};
-        return HalfSplat(splats[kFixedOrder ? bins.gaussians[target] : target], half.second);
+        HalfSplat part(splats[kFixedOrder ? bins.gaussians[target] : target], half.second);
+        if (!half.second) part.shape.x = image.near_x(part.shape.x, corner.x);
+        return part;
     };
     std::uint32_t target = target_from(0);
     HalfSplat splat = fetch(target);

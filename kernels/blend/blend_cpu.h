@@ -22,6 +22,14 @@ template <class Real> struct TileInput {
     const Splat<Real>* splats;  ///< splats of all Gaussians
     Vec3<Real> background;
     Cutoffs<Real> cutoffs;
+    Real period = 0;  ///< as in CameraParams
+
+    /// Returns the splat of an instance, at the place that is nearest to the tile if the image repeats.
+    Splat<Real> splat(std::int64_t k) const {
+        Splat<Real> s = splats[instances[k].gaussian];
+        if (period > 0) s.mean.x = nearest_repeat(s.mean.x, Real(x0 + kCpuTile / 2), period);
+        return s;
+    }
 };
 
 inline constexpr int kTilePixels = kCpuTile * kCpuTile;
@@ -68,7 +76,7 @@ std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, R
         }
     std::int64_t k = 0;
     for (; k < in.num_instances && open; ++k) {
-        const Splat<Real>& s = in.splats[in.instances[k].gaussian];
+        const Splat<Real> s = in.splat(k);
         unsigned mask = blocks.touched(s) & open;
         block_masks[k] = static_cast<std::uint16_t>(mask);
         if (!mask) continue;
@@ -129,7 +137,7 @@ void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, 
             out = SplatSums<Real>{};
             continue;
         }
-        const Splat<Real>& s = in.splats[in.instances[k].gaussian];
+        const Splat<Real> s = in.splat(k);
         const auto shape = FragmentShape<L>::from(s);
         const L cr(s.color.x), cg(s.color.y), cb(s.color.z), zero(Real(0));
         SplatSums<L> sum{zero, zero, zero, zero, zero, zero, zero, zero, zero};
@@ -158,7 +166,7 @@ void median_tile(const TileInput<Real>& in, std::int64_t num_processed, const st
     alignas(64) Real t[kTilePixels], r[kTilePixels] = {}, g[kTilePixels] = {}, b[kTilePixels] = {};
     std::fill_n(t, kTilePixels, Real(1));
     for (std::int64_t k = 0; k < num_processed; ++k) {
-        const Splat<Real>& s = in.splats[in.instances[k].gaussian];
+        const Splat<Real> s = in.splat(k);
         const auto shape = FragmentShape<L>::from(s);
         const L cr(s.color.x), cg(s.color.y), cb(s.color.z);
         for (unsigned mask = block_masks[k]; mask; mask &= mask - 1) {
@@ -201,7 +209,7 @@ void score_tile(const TileInput<Real>& in, std::int64_t num_processed, const std
             t[p] = pixel.t, behind[p] = pixel.behind, background[p] = pixel.background;
         }
     for (std::int64_t k = 0; k < in.num_instances; ++k) {
-        const Splat<Real>& s = in.splats[in.instances[k].gaussian];
+        const Splat<Real> s = in.splat(k);
         const auto shape = FragmentShape<L>::from(s);
         const L color_sum(s.color.x + s.color.y + s.color.z);
         L sum(Real(0));

@@ -67,6 +67,12 @@ struct BlendImage {
     Vec3<float> background;
     float *rgb, *transmittance;  ///< (3,H,W), (H,W)
     Cutoffs<float> cutoffs;
+    float period;  ///< as in CameraParams
+
+    /// Returns the place of a splat that is nearest to a tile, or part of one, if the image repeats.
+    __device__ float near_x(float mean_x, int corner_x) const {
+        return period > 0 ? nearest_repeat(mean_x, corner_x + 0.5f * kCudaTileX, period) : mean_x;
+    }
 };
 
 class CudaBlend {

@@ -25,6 +25,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         if (base + lane < end) {
             const std::uint32_t instance = bins.instances[base + lane];
             mine = splats[bins.gaussians ? bins.gaussians[instance] : instance];
+            mine.a.x = image.near_x(mine.a.x, sub_tile.x);
             hit = reaches(mine.splat(), sub_tile);
         }
         const unsigned hits = __ballot_sync(~0u, hit);
@@ -71,6 +72,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         if (base + lane < end) {
             instance = bins.instances[base + lane];
             mine = splats[kFixedOrder ? bins.gaussians[instance] : instance];
+            mine.a.x = image.near_x(mine.a.x, sub_tile.x);
             hit = reaches(mine.splat(), sub_tile);
         }
         const unsigned hits = __ballot_sync(~0u, hit);

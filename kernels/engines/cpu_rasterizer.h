@@ -70,7 +70,7 @@ template <class Real, class Model> class CpuRasterizer {
             fill_bins(std::int64_t(splats.size()), [&](std::int64_t i, std::int64_t end, BinningInput::Part& bin) {
                 for (; i < end; ++i) {
                     splats_[i] = splats[i].splat(cutoffs_.inverse_alpha);
-                    add_instances(i, splats[i].bounds(tiles_x_ * kCpuTile, tiles_y_ * kCpuTile), splats[i].depth, bin);
+                    add_instances(i, splats[i].bounds(tiles_y_ * kCpuTile), splats[i].depth, bin);
                 }
             });
         }
@@ -292,7 +292,8 @@ template <class Real, class Model> class CpuRasterizer {
                 std::int64_t(last - first),
                 splats_.data(),
                 background_,
-                cutoffs_};
+                cutoffs_,
+                camera_.period()};
     }
 
     std::int64_t max_instances_;
@@ -324,23 +325,13 @@ template <class Model> std::vector<double> render_in_double_as(const Gaussians& 
     };
     for (int g = 0; g < kNumGroups; ++g) widen(model.groups[g], state.groups[g]);
     widen(model.shared, state.shared);
-    const auto vec = [](const Vec3<float>& v) { return Vec3<double>{v.x, v.y, v.z}; };
     const CameraParams<float>& c = request.camera;
-    const CameraParams<double> camera{{vec(c.rotation.r0), vec(c.rotation.r1), vec(c.rotation.r2)},
-                                      vec(c.translation),
-                                      vec(c.position),
-                                      c.fx,
-                                      c.fy,
-                                      c.cx,
-                                      c.cy,
-                                      c.width,
-                                      c.height,
-                                      c.near_plane,
-                                      c.far_plane};
+    const auto camera = converted<double>(c, [](float x) { return double(x); });
+    const Vec3<float>& bg = request.background;
     const std::size_t pixels = std::size_t(c.width) * std::size_t(c.height);
     std::vector<double> image(3 * pixels), transmittance(pixels);
     CpuRasterizer<double, Model> raster;
-    raster.forward(ParameterView<double>::of(state), camera, vec(request.background), state.active_degree, request.mode,
+    raster.forward(ParameterView<double>::of(state), camera, {bg.x, bg.y, bg.z}, state.active_degree, request.mode,
                    image.data(), transmittance.data());
     if (request.median) raster.write_medians(image.data());
     return image;

@@ -350,7 +350,7 @@ PreprocessArgs CudaEngine::frame_args(const RenderRequest& r) {
 }
 
 BlendImage CudaEngine::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
-    return {camera.width, camera.height, background, image_, transmittance_, cutoffs_};
+    return {camera.width, camera.height, background, image_, transmittance_, cutoffs_, camera.period()};
 }
 
 CudaBins CudaEngine::enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,

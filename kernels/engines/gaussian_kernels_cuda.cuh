@@ -111,7 +111,7 @@ __global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
     // Residuals and colours load while tiles are tested. Nearly all Gaussians that reach this point touch a tile.
     const bool begun = kFused && begin_residual<Model>(a, i, valid, memory[warp]);
     const Vec3<float> base = kFused && valid ? load_base(a.params, i) : Vec3<float>{0, 0, 0};
-    const TileTest tiles = test_tiles(s, b, valid);
+    const TileTest tiles = test_tiles(s, b, valid, a.width_padded / kCudaTileX);
     const bool visible = tiles.count > 0;
     if constexpr (kFused) {
         const Vec3<float> residual = warp_residual<Model>(a, i, visible, begun, memory[warp], scratch[warp]);

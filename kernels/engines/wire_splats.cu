@@ -43,7 +43,7 @@ __global__ void __launch_bounds__(kWireBlock)
     if (exists) {
         const std::uint32_t row = rows[k];
         const PackedSplat splat = splats[row];
-        wire = WireSplat::of(splat.splat(), splat.bounds(), camera_point(params.mean(row), camera).z);
+        wire = WireSplat::of(splat.splat(), splat.bounds(), depth_of(camera_point(params.mean(row), camera), camera));
         if (out.rows) out.rows[k] = row;
         if (out.places) {
             const std::uint32_t group = row / 32;
@@ -70,9 +70,9 @@ __global__ void __launch_bounds__(kWireBlock)
     if (exists) {
         mine = wire[k];
         s = mine.splat(inverse_alpha);
-        b = mine.bounds(width_padded, height_padded);
+        b = mine.bounds(height_padded);
     }
-    const TileTest tiles = test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min);
+    const TileTest tiles = test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min, width_padded / kCudaTileX);
     if (exists) place_splat(first + k, s, b, tiles, depth_key, mine.depth, splats, out);
 }
 

@@ -54,11 +54,13 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     if (!(sigmoid(g.raw_opacity) >= cutoffs.alpha)) return false;
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return false;
-    depth = p.cam.z;
+    depth = p.depth;
     set_shape(s, p, g.raw_opacity);
     s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
     s.threshold = splat_threshold(s.opacity, cutoffs.inverse_alpha);
-    bounds = pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);
+    bounds = camera.lens.wraps() ? wrapped_bounds(s.mean, p.cov2d, touch_threshold(s), camera.width, width_padded,
+                                                  height_padded)
+                                 : pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;
 }
 

@@ -32,10 +32,6 @@ GaussianGeometry<Lanes<Real>> load_geometry(const ParameterView<Real>& params, s
     return {{m[0], m[1], m[2]}, {s[0], s[1], s[2]}, {q[0], q[1], q[2], q[3]}, o[0]};
 }
 
-template <class Real> Vec3<Lanes<Real>> lanes(const Vec3<Real>& v) {
-    return {Lanes<Real>(v.x), Lanes<Real>(v.y), Lanes<Real>(v.z)};
-}
-
 /// Returns one coordinate of the corners of sixteen tiles; index(lane) is the tile's index along that axis.
 template <class Real, class Index> Lanes<Real> tile_corners(Index index) {
     Real corners[kLanes];
@@ -54,21 +50,37 @@ template <class Real>
 ViewLanes<Real> ViewLanes<Real>::of(const CameraParams<Real>& c, int width_padded, int height_padded,
                                     const Cutoffs<Real>& cutoffs) {
     using L = Lanes<Real>;
-    return {{{lanes(c.rotation.r0), lanes(c.rotation.r1), lanes(c.rotation.r2)},
-             lanes(c.translation),
-             lanes(c.position),
-             L(c.fx),
-             L(c.fy),
-             L(c.cx),
-             L(c.cy),
-             c.width,
-             c.height,
-             L(c.near_plane),
-             L(c.far_plane)},
+    return {converted<L>(c, [](Real x) { return L(x); }),
             L(Real(width_padded)),
             L(Real(height_padded)),
             L(cutoffs.alpha),
-            L(cutoffs.inverse_alpha)};
+            L(cutoffs.inverse_alpha),
+            c,
+            cutoffs};
+}
+
+/// Computes the splats one by one, through a lens. Its functions have branches.
+template <class Real>
+unsigned make_splats_through_lens(const ParameterView<Real>& params, std::int64_t first, int n,
+                                  const ViewLanes<Real>& view, SplatLanes<Real>& out) {
+    unsigned shown = 0;
+    for (int lane = 0; lane < n; ++lane) {
+        Splat<Real> s;
+        PixelBounds b;
+        Real depth;
+        if (!make_splat(params.geometry(first + lane), view.one, int(view.width_padded[0]), int(view.height_padded[0]),
+                        s, b, depth, view.cutoffs))
+            continue;
+        shown |= 1u << lane;
+        auto& to = out.splats;
+        to.mean.x.set(lane, s.mean.x), to.mean.y.set(lane, s.mean.y);
+        to.a.set(lane, s.a), to.b.set(lane, s.b), to.c.set(lane, s.c);
+        to.opacity.set(lane, s.opacity), to.threshold.set(lane, s.threshold);
+        out.bounds.x_min.set(lane, Real(b.x_min)), out.bounds.x_max.set(lane, Real(b.x_max));
+        out.bounds.y_min.set(lane, Real(b.y_min)), out.bounds.y_max.set(lane, Real(b.y_max));
+        out.depth.set(lane, depth);
+    }
+    return shown;
 }
 
 template <class Real>
@@ -76,6 +88,7 @@ unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, cons
                      SplatLanes<Real>& out) {
     using L = Lanes<Real>;
     const int n = int(std::min<std::int64_t>(kLanes, params.count - first));
+    if (!view.one.lens.is_pinhole()) return make_splats_through_lens(params, first, n, view, out);
     const GaussianGeometry<L> g = load_geometry(params, first, n);
     const CameraParams<L>& camera = view.camera;
     Projection<L> p;
@@ -105,10 +118,16 @@ unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, cons
 template <class Real>
 std::uint32_t add_tiles(const Splat<Real>& s, const PixelBounds& b, int tiles_x, std::vector<std::uint32_t>& tiles) {
     using L = Lanes<Real>;
+    static_assert(kCpuTile == kTileWidth);
     constexpr int kSide = 4;  // one lane operation tests 4x4 tiles
     static_assert(kSide * kSide == kLanes);
     const int x_begin = b.x_min / kCpuTile, x_end = (b.x_max + kCpuTile - 1) / kCpuTile;
     const int y_begin = b.y_min / kCpuTile, y_end = (b.y_max + kCpuTile - 1) / kCpuTile;
+    if (x_end > tiles_x) {  // across the seam
+        for (int y = y_begin; y < y_end; ++y)
+            for (int x = x_begin; x < x_end; ++x) tiles.push_back(std::uint32_t(y) * tiles_x + x % tiles_x);
+        return std::uint32_t((y_end - y_begin) * (x_end - x_begin));
+    }
     // Most Gaussians are small: their only tile contains the mean, where the power is 0.
     if (x_end - x_begin == 1 && y_end - y_begin == 1 && is_between(s.mean.x, x_begin * kCpuTile) &&
         is_between(s.mean.y, y_begin * kCpuTile)) {

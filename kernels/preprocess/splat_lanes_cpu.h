@@ -14,6 +14,8 @@ template <class Real> struct ViewLanes {
     CameraParams<Lanes<Real>> camera;
     Lanes<Real> width_padded, height_padded;  ///< size of the grid of whole tiles
     Lanes<Real> min_opacity, inverse_alpha;
+    CameraParams<Real> one;  ///< the camera for one Gaussian at a time, as lenses are computed
+    Cutoffs<Real> cutoffs;
 
     static ViewLanes of(const CameraParams<Real>& camera, int width_padded, int height_padded,
                         const Cutoffs<Real>& cutoffs);
@@ -43,7 +45,8 @@ template <class Real>
 unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, const ViewLanes<Real>& view,
                      SplatLanes<Real>& out);
 
-/// Adds the tiles that a splat touches, row by row. Returns their number.
+/// Adds the tiles that a splat touches, row by row. Returns their number. Bounds beyond the last tile of a row are those
+/// of wrapped_bounds().
 template <class Real>
 std::uint32_t add_tiles(const Splat<Real>& s, const PixelBounds& bounds, int tiles_x,
                         std::vector<std::uint32_t>& tiles);

@@ -127,7 +127,8 @@ __global__ void __launch_bounds__(kWriteBlock, 5)  // so that 0.3 M Gaussians ar
             if (place >= total) continue;
             // The added half keeps the quotient away from integers, which rounding could cross.
             const int candidate = word & 31, row = int((candidate + 0.5f) / tiles.width());
-            const Key key = Key((tiles.y0() + row) * tiles_x + tiles.x0() + candidate - row * tiles.width());
+            const int column = tiles.x0() + candidate - row * tiles.width();
+            const Key key = Key((tiles.y0() + row) * tiles_x + (column >= tiles_x ? column - tiles_x : column));
             lists.tile_keys[i] = key;
             lists.instances[i] = g;
             digits.count(key);
@@ -160,7 +161,7 @@ __global__ void __launch_bounds__(kBlock)
         const TileRectangle r(s.bounds());
         for (int y = r.y0; y < r.y0 + r.height; y += 32) {
             // Each lane has a row of tiles; the instances of 32 rows are contiguous.
-            const TileRows::Span mine = span_of_lane(s, y, r.y0 + r.height);
+            const TileRows::Span mine = span_of_lane(s, y, r.y0 + r.height, tiles_x);
             const std::uint32_t size = std::uint32_t(mine.size()), end = inclusive_sum(size),
                                 total = __shfl_sync(~0u, end, 31),
                                 key_before = std::uint32_t((y + int(lane)) * tiles_x + mine.x0) - (end - size);
@@ -169,7 +170,9 @@ __global__ void __launch_bounds__(kBlock)
 #pragma unroll
                 for (std::uint32_t step = 16; step > 0; step /= 2)
                     if (__shfl_sync(~0u, end, row + step - 1) <= place) row += step;
-                const Key key = Key(__shfl_sync(~0u, key_before, row) + place);
+                std::uint32_t tile = __shfl_sync(~0u, key_before, row) + place;
+                if (tile >= std::uint32_t((y + int(row) + 1) * tiles_x)) tile -= tiles_x;  // beyond the seam
+                const Key key = Key(tile);
                 if (place >= total || at + place >= stop) continue;
                 lists.tile_keys[at + place] = key;
                 lists.instances[at + place] = gaussian;

@@ -12,12 +12,12 @@ struct TileTest {
     unsigned mask;  ///< bits of the reached tiles among up to 32 candidates
     unsigned count;
 };
-__device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& b, bool valid) {
+__device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& b, bool valid, int tiles_x) {
     const TileRectangle r(b);
     TileTest out{0, 0};
     const bool large = valid && r.size() > 32;
     if (valid && !large) {
-        const TileRows rows(s, r);
+        const TileRows rows(s, r, tiles_x);
         for (int y = 0; y < r.height; ++y) {
             const TileRows::Span span = rows.row(r.y0 + y);
             if (span.size() > 0) out.mask |= (~0u >> (32 - span.size())) << (y * r.width + span.x0 - r.x0);
@@ -36,7 +36,7 @@ __device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& 
         const TileRectangle q(p.bounds());
         unsigned count = 0;
         for (int y = q.y0; y < q.y0 + q.height; y += 32)
-            count += __reduce_add_sync(~0u, unsigned(span_of_lane(p, y, q.y0 + q.height).size()));
+            count += __reduce_add_sync(~0u, unsigned(span_of_lane(p, y, q.y0 + q.height, tiles_x).size()));
         if (int(threadIdx.x & 31) == owner) out.count = count;
     }
     return out;

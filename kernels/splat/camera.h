@@ -1,21 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pinhole camera of the kernels.
+// The camera of the kernels.
 #pragma once
 
 #include "kernels/base/vec.h"
+#include "kernels/splat/lens_device.h"
 
 namespace gs {
 
-/// A pinhole camera. World space is right-handed; the camera's x points right, y down, z forward; pixel centres are at
-/// .5 (docs/math/rasterizer.md#conventions).
+/// A camera, with a lens or without. World space is right-handed; the camera's x points right, y down, z forward; pixel
+/// centres are at .5 (docs/math/rasterizer.md#conventions).
 template <class T> struct CameraParams {
     Mat3<T> rotation;       ///< rotation of cam_from_world
     Vec3<T> translation;    ///< translation of cam_from_world, frame units
     Vec3<T> position;       ///< camera centre in the world: -R^T t
     T fx, fy, cx, cy;       ///< pixels; the principal point is measured from the image corner
     int width, height;      ///< pixels
-    T near_plane = T(0.2);  ///< Gaussians nearer than this (camera z, frame units) are culled
+    /// Gaussians nearer than this are culled, in frame units: by the camera's z, or with a lens by their distance.
+    T near_plane = T(0.2);
     T far_plane = T(10000);
+    Lens<T> lens = {};
+
+    /// Returns the distance in pixels after which the image repeats, or 0.
+    GS_HD T period() const { return lens.wraps() ? T(width) : T(0); }
 };
+
+/// Returns the camera in another scalar; of(x) converts a number.
+template <class T, class U, class Of> CameraParams<T> converted(const CameraParams<U>& c, Of&& of) {
+    const auto vec = [&](const Vec3<U>& v) { return Vec3<T>{of(v.x), of(v.y), of(v.z)}; };
+    CameraParams<T> out{{vec(c.rotation.r0), vec(c.rotation.r1), vec(c.rotation.r2)},
+                        vec(c.translation),
+                        vec(c.position),
+                        of(c.fx),
+                        of(c.fy),
+                        of(c.cx),
+                        of(c.cy),
+                        c.width,
+                        c.height,
+                        of(c.near_plane),
+                        of(c.far_plane)};
+    out.lens.model = c.lens.model;
+    for (int k = 0; k < 12; ++k) out.lens.distortion[k] = of(c.lens.distortion[k]);
+    out.lens.max_angle = of(c.lens.max_angle), out.lens.slope = of(c.lens.slope);
+    out.lens.sin_max = of(c.lens.sin_max), out.lens.cos_max = of(c.lens.cos_max);
+    out.lens.cos_drawn = of(c.lens.cos_drawn);
+    return out;
+}
 
 }  // namespace gs

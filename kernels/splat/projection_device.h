@@ -27,7 +27,8 @@ struct PixelBounds {
 /// storing them.
 template <class T> struct Projection {
     Vec3<T> cam;         ///< mean in camera space
-    T u, v, uc, vc;      ///< normalised image coordinates, and their values clipped for the Jacobian
+    T depth;             ///< depth_of(cam)
+    T u, v, uc, vc;      ///< normalised image coordinates, and their values clipped for the Jacobian of a pinhole
     Mat3<T> rotation;    ///< R(q)
     Vec3<T> variance;    ///< exp(2 s)
     Sym3<T> covariance;  ///< R diag(variance) R^T, world
@@ -63,13 +64,19 @@ template <class T> GS_HD Vec3<T> activated_variance(const Vec3<T>& s) {
     return {gs_exp(T(2) * gs_min(s.x, m)), gs_exp(T(2) * gs_min(s.y, m)), gs_exp(T(2) * gs_min(s.z, m))};
 }
 
-/// Computes steps 4 to 8 of the forward pass for the mean in p.cam. It has no branches, so T may also be lanes.
-template <class T>
-GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
+/// Computes the covariance on screen from the rows of J W.
+template <class T> GS_HD void project_covariance(const GaussianGeometry<T>& g, Projection<T>& p) {
     p.rotation = rotation_matrix(g.rotation);
     p.variance = activated_variance(g.log_scale);
     p.covariance = world_covariance(p.rotation, p.variance);
+    const Vec3<T> sa1 = p.covariance * p.a1, sa2 = p.covariance * p.a2;
+    p.cov2d = {dot(p.a1, sa1) + T(kDilation), dot(p.a1, sa2), dot(p.a2, sa2) + T(kDilation)};
+    p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
+}
 
+/// Computes steps 4 to 8 of the forward pass for the mean in p.cam. It has no branches, so T may also be lanes.
+template <class T>
+GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
     const T inv_z = T(1) / p.cam.z;
     p.u = p.cam.x * inv_z;
     p.v = p.cam.y * inv_z;
@@ -81,9 +88,17 @@ GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& ca
     const Vec3<T>& r3 = cam.rotation.r2;
     p.a1 = (cam.rotation.r0 - r3 * p.uc) * p.j11;
     p.a2 = (cam.rotation.r1 - r3 * p.vc) * p.j22;
-    const Vec3<T> sa1 = p.covariance * p.a1, sa2 = p.covariance * p.a2;
-    p.cov2d = {dot(p.a1, sa1) + T(kDilation), dot(p.a1, sa2), dot(p.a2, sa2) + T(kDilation)};
-    p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
+    project_covariance(g, p);
+}
+
+/// Computes the image point of the mean in p.cam through the lens, and the rows of J W.
+template <class T> GS_HD void project_through_lens(const CameraParams<T>& cam, Projection<T>& p) {
+    const LensPoint<T> at = lens_point_at(cam.lens, p.cam, p.depth);
+    p.u = at.x.value, p.v = at.y.value;
+    const T inverse = T(1) / p.depth;
+    const Vec3<T> w1 = cam.rotation.transposed_times(at.e1), w2 = cam.rotation.transposed_times(at.e2);
+    p.a1 = (w1 * at.x.x + w2 * at.x.y) * (cam.fx * inverse);
+    p.a2 = (w1 * at.y.x + w2 * at.y.y) * (cam.fy * inverse);
 }
 
 /// Transforms a mean to the camera's frame: step 2 of the forward pass.
@@ -91,15 +106,26 @@ template <class T> GS_HD Vec3<T> camera_point(const Vec3<T>& mean, const CameraP
     return cam.rotation * mean + cam.translation;
 }
 
+/// Returns the depth of a point in camera space, which orders blending: the camera's z, or with a lens the distance.
+template <class T> GS_HD T depth_of(const Vec3<T>& point, const CameraParams<T>& cam) {
+    return cam.lens.is_pinhole() ? point.z : gs_sqrt(dot(point, point));
+}
+
 /// Computes steps 2 and 4 to 8 of the forward pass. Returns false if the Gaussian is culled. Every test is written
 /// positively, so that NaN fails it.
 template <class T>
 GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
     p.cam = camera_point(g.mean, cam);
-    const T z = p.cam.z;
-    if (!(z >= cam.near_plane && z <= cam.far_plane)) return false;
+    p.depth = depth_of(p.cam, cam);
+    if (!(p.depth >= cam.near_plane && p.depth <= cam.far_plane)) return false;
     if (!usable_rotation(g.rotation)) return false;
-    project_shape(g, cam, p);
+    if (cam.lens.is_pinhole()) {
+        project_shape(g, cam, p);
+    } else {
+        if (!cam.lens.reaches(p.cam, p.depth)) return false;
+        project_through_lens(cam, p);
+        project_covariance(g, p);
+    }
     return p.det >= T(kMinDeterminant) && p.cov2d.xx <= T(kMaxVariance2d) && p.cov2d.yy <= T(kMaxVariance2d);
 }
 
@@ -122,6 +148,28 @@ GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T thresho
                                int height_padded) {
     const Rectangle<T> r = ellipse_bounds(m, cov2d, threshold, T(width_padded), T(height_padded));
     return {int(r.x_min), int(r.x_max), int(r.y_min), int(r.y_max)};
+}
+
+/// Returns the pixel rectangle in an image whose left and right borders are the same place. A rectangle across them ends
+/// beyond width_padded, and stands for all of its tiles, with x modulo the number of tiles in a row.
+template <class T>
+GS_HD PixelBounds wrapped_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T threshold, int width, int width_padded,
+                                 int height_padded) {
+    const T far = T(1e6);
+    const T hx = gs_min(gs_sqrt(T(2) * threshold * cov2d.xx), far), hy = gs_sqrt(T(2) * threshold * cov2d.yy);
+    const PixelBounds rows = pixel_bounds(m, cov2d, threshold, width_padded, height_padded);
+    int x_min = int(gs_floor(m.x - hx)), x_max = int(gs_ceil(m.x + hx));
+    const bool over_pole = !(m.y - hy >= T(0) && m.y + hy <= T(height_padded));
+    if (over_pole || x_max - x_min >= width) return {width_padded, 2 * width_padded, rows.y_min, rows.y_max};
+    if (x_min < 0) x_min += width, x_max += width;
+    if (x_max > width)  // the last tile of a row may be cut by the border
+        x_max = gs_min(x_max + width_padded - width, x_min / kTileWidth * kTileWidth + width_padded);
+    return {x_min, x_max, rows.y_min, rows.y_max};
+}
+
+/// Returns the x at which a splat is nearest to x0, if the image repeats after `period` pixels.
+template <class T> GS_HD T nearest_repeat(T x, T x0, T period) {
+    return x + period * gs_floor((x0 - x) / period + T(0.5));
 }
 
 /// Returns the minimum of the power 1/2 d^T Q d over the rectangle of pixel centres [x0+.5, x0+.5+extent_x] x [y0+.5,
@@ -151,6 +199,44 @@ template <class T> struct GeometryGradient {
     T raw_opacity;
 };
 
+/// Returns the gradient of the mean from those of the image point, dm, and of the rows of J W, g1 and g2, for a pinhole.
+template <class T>
+GS_HD Vec3<T> mean_backward(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& dm, const Vec3<T>& g1,
+                            const Vec3<T>& g2) {
+    const T dj11 = dot(cam.rotation.r0, g1), dj13 = dot(cam.rotation.r2, g1);
+    const T dj22 = dot(cam.rotation.r1, g2), dj23 = dot(cam.rotation.r2, g2);
+
+    // Camera-space mean, through the pixel position and through the Jacobian.
+    const T inv_z = T(1) / p.cam.z;
+    Vec3<T> dp{p.j11 * dm.x, p.j22 * dm.y, -p.j11 * p.u * dm.x - p.j22 * p.v * dm.y};
+    const bool u_inside = p.uc == p.u, v_inside = p.vc == p.v;
+    if (u_inside) dp.x = dp.x - p.j11 * dj13 * inv_z;
+    if (v_inside) dp.y = dp.y - p.j22 * dj23 * inv_z;
+    const T nu = u_inside ? T(2) : T(1), nv = v_inside ? T(2) : T(1);
+    dp.z = dp.z + (p.j11 * (nu * p.uc * dj13 - dj11) + p.j22 * (nv * p.vc * dj23 - dj22)) * inv_z;
+    return cam.rotation.transposed_times(dp);
+}
+
+/// Returns the same through a lens. A change of the mean by r tau in the tangent plane at distance r changes the
+/// Jacobian G of the image point there by its second derivatives, and turns the plane.
+template <class T>
+GS_HD Vec3<T> lens_mean_backward(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& dm,
+                                       const Vec3<T>& g1, const Vec3<T>& g2) {
+    const LensPoint<T> at = lens_point_at(cam.lens, p.cam, p.depth);
+    const T inverse = T(1) / p.depth;
+    T along = T(0), across1 = T(0), across2 = T(0);  // gradient along the axis, and along e1 and e2
+    const auto add = [&](const Jet<T>& j, T focal, T dm, const Vec3<T>& g) {
+        const Vec3<T> q = cam.rotation * g;
+        const T q1 = dot(at.e1, q), q2 = dot(at.e2, q), qn = dot(at.axis, q);
+        along = along - focal * (j.x * q1 + j.y * q2) * inverse;
+        across1 = across1 + focal * (j.x * dm + (j.xx * q1 + j.xy * q2 - j.x * qn) * inverse);
+        across2 = across2 + focal * (j.y * dm + (j.xy * q1 + j.yy * q2 - j.y * qn) * inverse);
+    };
+    add(at.x, cam.fx, dm.x, g1);
+    add(at.y, cam.fy, dm.y, g2);
+    return cam.rotation.transposed_times((at.axis * along + at.e1 * across1 + at.e2 * across2) * inverse);
+}
+
 /// Computes steps 1 and 3 to 9 of the backward pass: all steps except the colour.
 template <class T>
 GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const CameraParams<T>& cam,
@@ -170,18 +256,8 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
     const Sym3<T> g3{p.a1.x * q1.x + p.a2.x * q2.x, p.a1.x * q1.y + p.a2.x * q2.y, p.a1.x * q1.z + p.a2.x * q2.z,
                      p.a1.y * q1.y + p.a2.y * q2.y, p.a1.y * q1.z + p.a2.y * q2.z, p.a1.z * q1.z + p.a2.z * q2.z};
     const Vec3<T> g1 = (p.covariance * q1) * T(2), g2 = (p.covariance * q2) * T(2);
-    const T dj11 = dot(cam.rotation.r0, g1), dj13 = dot(cam.rotation.r2, g1);
-    const T dj22 = dot(cam.rotation.r1, g2), dj23 = dot(cam.rotation.r2, g2);
-
-    // Camera-space mean, through the pixel position and through the Jacobian.
-    const T inv_z = T(1) / p.cam.z;
-    Vec3<T> dp{p.j11 * d.mean.x, p.j22 * d.mean.y, -p.j11 * p.u * d.mean.x - p.j22 * p.v * d.mean.y};
-    const bool u_inside = p.uc == p.u, v_inside = p.vc == p.v;
-    if (u_inside) dp.x = dp.x - p.j11 * dj13 * inv_z;
-    if (v_inside) dp.y = dp.y - p.j22 * dj23 * inv_z;
-    const T nu = u_inside ? T(2) : T(1), nv = v_inside ? T(2) : T(1);
-    dp.z = dp.z + (p.j11 * (nu * p.uc * dj13 - dj11) + p.j22 * (nv * p.vc * dj23 - dj22)) * inv_z;
-    out.mean = cam.rotation.transposed_times(dp);
+    out.mean = cam.lens.is_pinhole() ? mean_backward(cam, p, d.mean, g1, g2)
+                                     : lens_mean_backward(cam, p, d.mean, g1, g2);
 
     // Scales: dL/dvar_k = r_k^T G3 r_k with r_k the k-th column of R. Rotation matrix: 2 G3 R diag(var).
     const Mat3<T>& r = p.rotation;

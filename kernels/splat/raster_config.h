@@ -44,6 +44,8 @@ inline constexpr double kLog2E = 1.4426950408889634;
 /// A tile of the CPU has 16x16 pixels, which are 16 blocks of 4x4, so that one lane operation tests all blocks of a
 /// tile.
 inline constexpr int kCpuTile = 16;
+/// Width of a tile on all devices: bounds beyond the seam of a 360-degree image are whole tiles.
+inline constexpr int kTileWidth = 16;
 inline constexpr int kCpuBlock = 4;
 
 }  // namespace gs

@@ -11,7 +11,7 @@
 namespace gs {
 
 /// A tile of the CUDA blend has 16x12 pixels, covered by six warps of 8x4 pixels.
-inline constexpr int kCudaTileX = 16, kCudaTileY = 12, kCudaTilePixels = kCudaTileX * kCudaTileY;
+inline constexpr int kCudaTileX = kTileWidth, kCudaTileY = 12, kCudaTilePixels = kCudaTileX * kCudaTileY;
 
 /// A splat in three 16-byte pieces, so that three instructions read it and no memory sector is shared needlessly. Its
 /// conic is scaled once for all pixels, as in FragmentShape.
@@ -49,6 +49,8 @@ struct TileRectangle {
           width((b.x_max + kCudaTileX - 1) / kCudaTileX - x0),
           height((b.y_max + kCudaTileY - 1) / kCudaTileY - y0) {}
     __device__ int size() const { return width * height; }
+    /// Returns whether it crosses the seam of a 360-degree image (wrapped_bounds()).
+    __device__ bool crosses(int tiles_x) const { return x0 + width > tiles_x; }
 };
 
 /// The tiles that a Gaussian touches, found once: up to 32 candidate tiles as bits, row by row. Larger Gaussians have
@@ -100,16 +102,17 @@ class EllipseRows {
     float my_, inverse_a_, slope_, curvature_, reach_, half_height_, extreme_;
 };
 
-/// Finds the tiles [x0, x1) of a row that a splat's ellipse overlaps.
+/// Finds the tiles [x0, x1) of a row that a splat's ellipse overlaps: all of a rectangle across the seam.
 class TileRows {
   public:
-    __device__ TileRows(const Splat<float>& s, const TileRectangle& r)
-        : ellipse_(s), mx_(s.mean.x), x0_(r.x0), x1_(r.x0 + r.width) {}
+    __device__ TileRows(const Splat<float>& s, const TileRectangle& r, int tiles_x)
+        : ellipse_(s), mx_(s.mean.x), x0_(r.x0), x1_(r.x0 + r.width), crosses_(r.crosses(tiles_x)) {}
     struct Span {
         int x0, x1;
         __device__ int size() const { return x1 - x0; }
     };
     __device__ Span row(int ty) const {
+        if (crosses_) return {x0_, x1_};
         const float low = ty * kCudaTileY + 0.5f;
         const EllipseRows::Reach reach = ellipse_.between(low, low + (kCudaTileY - 1));
         if (reach.left > reach.right) return {0, 0};
@@ -124,14 +127,15 @@ class TileRows {
     EllipseRows ellipse_;
     float mx_;
     int x0_, x1_;
+    bool crosses_;
 };
 
 /// Returns the span of row y + lane; rows from y_end on have empty spans. There is only one copy of this code: counting
 /// and writing the instances of large Gaussians must agree bit for bit, or slots stay unwritten.
-__device__ __noinline__ inline TileRows::Span span_of_lane(const PackedSplat& p, int y, int y_end) {
+__device__ __noinline__ inline TileRows::Span span_of_lane(const PackedSplat& p, int y, int y_end, int tiles_x) {
     const TileRectangle r(p.bounds());
     const int ty = y + int(threadIdx.x & 31);
-    return ty < y_end ? TileRows(p.splat(), r).row(ty) : TileRows::Span{0, 0};
+    return ty < y_end ? TileRows(p.splat(), r, tiles_x).row(ty) : TileRows::Span{0, 0};
 }
 
 /// A unit of work on tiles: a whole tile or, if its list is long, a quarter of each of its sub-tiles.

@@ -99,6 +99,11 @@ std::vector<Option> input_options() {
              "with eval: file with one test image name per line, instead of test-every")
             .path()
             .of(Scope::kScene),
+        choice("lens", &O::lens,
+               "photographs of lenses that are no pinholes: native = use them as they are, undistort = resample them to "
+               "pinhole images, auto = native where a pinhole image would lose a part of them")
+            .of(Scope::kScene)
+            .basic(),
         choice("mask-mode", &O::mask_mode,
                "what masks mean: ignore = weight of the loss, transparent = the background shows there")
             .of(Scope::kScene),

@@ -29,6 +29,7 @@ struct SceneOptions {
     std::string test_list;          ///< file with one image name per line; overrides test_every
     MaskMode mask_mode = MaskMode::kIgnore;
     bool invert_masks = false;
+    LensMode lens = LensMode::kAuto;                 ///< treatment of lenses that are no pinholes
     AlphaMode alpha_mode = AlphaMode::kTransparent;  ///< meaning of alpha in RGBA photographs
     bool ppisp_exif = false;                         ///< whether to read View::exif_exposure
     Background background;                           ///< background colour; black by default

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <nlohmann/json.hpp>
 
@@ -28,6 +29,7 @@ ListedView view_of(const nlohmann::json& entry) {
     c.width = side_of(entry.at("width")), c.height = side_of(entry.at("height"));
     c.fx = entry.at("fx").get<double>(), c.fy = entry.at("fy").get<double>();
     c.cx = entry.at("cx").get<double>(), c.cy = entry.at("cy").get<double>();
+    set_listed_lens(entry, c);
     const auto rows = entry.at("rotation").get<std::array<Vector, 3>>();
     for (int r = 0; r < 3; ++r)
         for (int k = 0; k < 3; ++k) c.rotation(k, r) = rows[std::size_t(r)][std::size_t(k)];
@@ -38,6 +40,17 @@ ListedView view_of(const nlohmann::json& entry) {
 }
 
 }  // namespace
+
+void set_listed_lens(const nlohmann::json& entry, Camera& camera) {
+    if (!entry.contains("camera_model")) return;
+    const auto name = entry.at("camera_model").get<std::string>();
+    const auto models = camera_models();
+    const auto found = std::find_if(models.begin(), models.end(), [&](const auto& m) { return m.name == name; });
+    if (found == models.end()) throw DataError(fmt::format("camera_model '{}' is none of COLMAP's", name));
+    camera.model = found->id;
+    camera.distortion = entry.at("distortion").get<std::array<double, 12>>();
+    camera.range = lens_range(camera);
+}
 
 std::string cameras_json(const Scene& scene) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
@@ -60,6 +73,10 @@ std::string cameras_json(const Scene& scene) {
                             {"cx", c.cx},
                             {"cy", c.cy},
                             {"split", views == &scene.test ? "test" : "train"}});
+            if (!is_pinhole(c)) {
+                list.back()["camera_model"] = camera_model_info(c.model).name;
+                list.back()["distortion"] = c.distortion;
+            }
             if (!offset.isZero(0)) list.back()["offset"] = {offset.x(), offset.y(), offset.z()};
         }
     }

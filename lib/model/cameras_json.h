@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -13,9 +14,13 @@ namespace gs {
 
 /// Returns the text [{id, img_name, width, height, position, rotation, fy, fx, cx, cy, split}], test views first, then
 /// training views. id is the index in the list, position is in scene units, rotation is world_from_camera by rows,
-/// focal lengths and principal point are in pixels, split is "test" or "train". If an offset is subtracted in the run's
+/// focal lengths and principal point are in pixels, split is "test" or "train". Cameras with a lens also have
+/// "camera_model" and "distortion", as COLMAP names and orders them. If an offset is subtracted in the run's
 /// PLY files (file_offset), it is also subtracted from positions, and each entry states it as "offset": [x, y, z].
 std::string cameras_json(const Scene& scene);
+
+/// Sets the lens that an entry of such a list states, if it does. Throws DataError or nlohmann::json::exception.
+void set_listed_lens(const nlohmann::json& entry, Camera& camera);
 
 /// Writes cameras.json. Throws DataError.
 void write_cameras_json(const std::filesystem::path& path, const Scene& scene);

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <unsupported/Eigen/AutoDiff>
 
 namespace gs {
 namespace {
@@ -35,94 +34,10 @@ constexpr CameraModelInfo kModels[] = {
     {M::kEquirectangular, "EQUIRECTANGULAR", 0, 0},
 };
 
-bool is_fisheye(CameraModel model) {
-    switch (model) {
-        case M::kOpenCVFisheye:
-        case M::kSimpleRadialFisheye:
-        case M::kRadialFisheye:
-        case M::kThinPrismFisheye:
-        case M::kRadTanThinPrismFisheye:
-        case M::kSimpleFisheye:
-        case M::kFisheye:
-            return true;
-        default:
-            return false;
-    }
-}
-
-/// Returns true for models whose distortion is a polynomial map of the (possibly equidistant) image plane. Newton's
-/// method inverts it.
-bool is_polynomial(CameraModel model) {
-    switch (model) {
-        case M::kSimpleRadial:
-        case M::kRadial:
-        case M::kOpenCV:
-        case M::kFullOpenCV:
-            return true;
-        default:
-            return is_fisheye(model);
-    }
-}
-
-/// Returns the sum of k[i] s^(i+1).
-template <class T> T power_series(const double* k, int count, const T& s) {
-    T sum(0.0);
-    for (int i = count; i-- > 0;) sum = (sum + k[i]) * s;
-    return sum;
-}
-
-/// Distorts a point of the image plane by COLMAP's polynomial models. T is double or a type for automatic
-/// differentiation.
-template <class T> Eigen::Matrix<T, 2, 1> distort_plane(const LensCamera& lens, const T& x, const T& y) {
-    const std::array<double, 12>& d = lens.distortion;
-    const T s = x * x + y * y;
-    T radial(1.0), dx(0.0), dy(0.0);
-    const auto add_tangential = [&](const T& u, const T& v, const T& rho2, double p1, double p2) {
-        dx += 2 * p1 * u * v + p2 * (rho2 + 2 * u * u);
-        dy += 2 * p2 * u * v + p1 * (rho2 + 2 * v * v);
-    };
-    switch (lens.model) {
-        case M::kSimpleRadial:
-        case M::kSimpleRadialFisheye:
-            radial += power_series(&d[0], 1, s);
-            break;
-        case M::kRadial:
-        case M::kRadialFisheye:
-            radial += power_series(&d[0], 2, s);
-            break;
-        case M::kOpenCVFisheye:
-            radial += power_series(&d[0], 4, s);
-            break;
-        case M::kOpenCV:
-            radial += power_series(&d[0], 2, s);
-            add_tangential(x, y, s, d[2], d[3]);
-            break;
-        case M::kFullOpenCV: {
-            const double numerator[3] = {d[0], d[1], d[4]};
-            radial = (radial + power_series(numerator, 3, s)) / (1 + power_series(&d[5], 3, s));
-            add_tangential(x, y, s, d[2], d[3]);
-            break;
-        }
-        case M::kThinPrismFisheye: {
-            const double k[4] = {d[0], d[1], d[4], d[5]};
-            radial += power_series(k, 4, s);
-            add_tangential(x, y, s, d[2], d[3]);
-            dx += d[6] * s;
-            dy += d[7] * s;
-            break;
-        }
-        case M::kRadTanThinPrismFisheye: {
-            radial += power_series(&d[0], 6, s);
-            const T u = x * radial, v = y * radial, rho2 = u * u + v * v;
-            add_tangential(u, v, rho2, d[7], d[6]);
-            dx += d[8] * rho2 + d[9] * rho2 * rho2;
-            dy += d[10] * rho2 + d[11] * rho2 * rho2;
-            break;
-        }
-        default:
-            break;
-    }
-    return {T(x * radial + dx), T(y * radial + dy)};
+/// Returns whether the model distorts the plane of a pinhole image by a polynomial. Such a lens sees less than a half
+/// space.
+bool is_plane_polynomial(CameraModel model) {
+    return model == M::kSimpleRadial || model == M::kRadial || model == M::kOpenCV || model == M::kFullOpenCV;
 }
 
 struct PlaneMap {
@@ -130,20 +45,17 @@ struct PlaneMap {
     Eigen::Matrix2d jacobian;
 };
 
-PlaneMap distort_with_jacobian(const LensCamera& lens, const Vector2d& x) {
-    using Dual = Eigen::AutoDiffScalar<Vector2d>;
-    const auto result = distort_plane<Dual>(lens, Dual(x.x(), 2, 0), Dual(x.y(), 2, 1));
-    PlaneMap map;
-    for (int i = 0; i < 2; ++i) {
-        map.value[i] = result[i].value();
-        map.jacobian.row(i) = result[i].derivatives().transpose();
-    }
+PlaneMap distort_with_jacobian(const Lens<double>& lens, const Vector2d& p) {
+    using J = Jet<double>;
+    const Vec2<J> at = distort_plane(lens, J::linear(p.x(), 1, 0), J::linear(p.y(), 0, 1));
+    PlaneMap map{{at.x.value, at.y.value}, {}};
+    map.jacobian << at.x.x, at.x.y, at.y.x, at.y.y;
     return map;
 }
 
 /// Solves distort_plane(x) = target. The step length is limited, so that strong distortion cannot move the iterate past
 /// the fold.
-std::optional<Vector2d> invert_plane(const LensCamera& lens, const Vector2d& target) {
+std::optional<Vector2d> invert_plane(const Lens<double>& lens, const Vector2d& target) {
     // COLMAP stops at a squared step of 1e-10. Convergence is quadratic, so a few more digits cost one step and make
     // the round trip exact to 1e-9 px.
     constexpr int kMaxIterations = 100;
@@ -166,82 +78,88 @@ std::optional<Vector2d> invert_plane(const LensCamera& lens, const Vector2d& tar
     return {};
 }
 
-double fov_factor(double r, double omega) {
-    const double t = std::tan(omega / 2);
-    if (std::abs(omega) < 1e-9) return 1;
-    return r < 1e-9 ? 2 * t / omega : std::atan(2 * r * t) / (r * omega);
-}
+/// Returns the direction of a point of the plane of a pinhole image.
+Vector3d ray_of(const Vector2d& uv) { return Vector3d(uv.x(), uv.y(), 1).normalized(); }
 
-/// Returns the normalised image coordinates of the ray (u,v,1).
-std::optional<Vector2d> distort(const LensCamera& lens, const Vector2d& uv) {
-    const double r2 = uv.squaredNorm();
-    if (is_polynomial(lens.model)) {
-        Vector2d plane = uv;
-        const double r = std::sqrt(r2);
-        if (is_fisheye(lens.model) && r > 0) plane *= std::atan(r) / r;
-        const PlaneMap map = distort_with_jacobian(lens, plane);
-        if (!(map.jacobian.determinant() > 0)) return {};
-        return map.value;
+/// Inverts distort_direction. `xy` are normalised image coordinates.
+std::optional<Vector3d> undistort(const LensCamera& camera, const Vector2d& xy) {
+    const double r2 = xy.squaredNorm(), r = std::sqrt(r2);
+    const auto at_angle = [](const Vector2d& toward, double angle) {
+        const double length = toward.norm();
+        const Vector2d side = length > 0 ? Vector2d(toward * (std::sin(angle) / length)) : Vector2d::Zero();
+        return Vector3d(side.x(), side.y(), std::cos(angle));
+    };
+    const Lens<double> lens = kernel_lens<double>(camera, {});
+    if (is_fisheye(camera.model)) {
+        const std::optional<Vector2d> plane = invert_plane(lens, xy);
+        if (!plane || plane->norm() >= std::numbers::pi) return {};
+        return at_angle(*plane, plane->norm());
     }
-    const std::array<double, 12>& d = lens.distortion;
-    switch (lens.model) {
-        case M::kFov:
-            return Vector2d(uv * fov_factor(std::sqrt(r2), d[0]));
-        case M::kSimpleDivision:
-        case M::kDivision: {
-            const double root = 1 - 4 * d[0] * r2;
-            if (root < 0) return {};
-            return Vector2d(uv * (2 / (1 + std::sqrt(root))));
-        }
-        case M::kEucm: {
-            const double root = d[1] * r2 + 1;
-            if (root < 0) return {};
-            const double depth = d[0] * std::sqrt(root) + 1 - d[0];
-            if (!(depth > 0)) return {};
-            return Vector2d(uv / depth);
-        }
-        default:
-            return uv;
+    if (is_plane_polynomial(camera.model)) {
+        const std::optional<Vector2d> plane = is_pinhole(camera) ? xy : invert_plane(lens, xy);
+        if (!plane) return {};
+        return ray_of(*plane);
     }
-}
-
-/// Inverts `distort`.
-std::optional<Vector2d> undistort(const LensCamera& lens, const Vector2d& xy) {
-    const double r2 = xy.squaredNorm();
-    if (is_polynomial(lens.model)) {
-        std::optional<Vector2d> plane = invert_plane(lens, xy);
-        if (!plane || !is_fisheye(lens.model)) return plane;
-        const double theta = plane->norm();
-        if (theta >= std::numbers::pi / 2) return {};
-        if (theta > 0) *plane *= std::tan(theta) / theta;
-        return plane;
-    }
-    const std::array<double, 12>& d = lens.distortion;
-    switch (lens.model) {
+    const std::array<double, 12>& d = camera.distortion;
+    switch (camera.model) {
         case M::kFov: {
-            const double r = std::sqrt(r2), omega = d[0], t = std::tan(omega / 2);
-            if (std::abs(omega) < 1e-9) return xy;
-            if (std::abs(r * omega) >= std::numbers::pi / 2) return {};
-            return Vector2d(xy * (r < 1e-9 ? omega / (2 * t) : std::tan(r * omega) / (2 * r * t)));
+            const double omega = std::abs(d[0]), scaled = r * omega;
+            if (!(omega > 0)) return ray_of(xy);
+            if (scaled >= std::numbers::pi) return {};
+            // tan(r omega) = 2 tan(omega / 2) tan(angle), in the same quadrant
+            return at_angle(xy, std::atan2(std::sin(scaled), 2 * std::tan(omega / 2) * std::cos(scaled)));
         }
         case M::kSimpleDivision:
         case M::kDivision: {
-            const double scale = 1 + d[0] * r2;
             // Beyond |k| r^2 = 1 the square root of the projection is on another branch than at the centre.
-            if (!(scale > 0) || d[0] * r2 > 1) return {};
-            return Vector2d(xy / scale);
+            if (d[0] * r2 > 1) return {};
+            return Vector3d(xy.x(), xy.y(), 1 + d[0] * r2).normalized();
         }
         case M::kEucm: {
             const double alpha = d[0], beta = d[1];
             const double root = 1 - (2 * alpha - 1) * beta * r2;
             if (root < 0) return {};
-            const double h = (1 - alpha * alpha * beta * r2) / (alpha * std::sqrt(root) + 1 - alpha);
-            if (!(h > 0)) return {};
-            return Vector2d(xy / h);
+            const double depth = (1 - alpha * alpha * beta * r2) / (alpha * std::sqrt(root) + 1 - alpha);
+            return Vector3d(xy.x(), xy.y(), depth).normalized();
         }
         default:
-            return xy;
+            return ray_of(xy);
     }
+}
+
+/// The image point of a direction and how it changes with it.
+struct DirectionMap {
+    Vector2d value;        ///< normalised image coordinates
+    double determinant;    ///< of the Jacobian by the direction; positive where the lens is one to one
+    double radial;         ///< growth of the distance from the image point of the axis, per radian
+};
+
+/// Returns nothing outside the model's domain.
+std::optional<DirectionMap> map_direction(const LensCamera& camera, const Lens<double>& lens, const Vector3d& direction) {
+    if ((is_plane_polynomial(camera.model) || is_pinhole(camera)) && !(direction.z() > 0)) return {};
+    const Vector3d n = direction.normalized();
+    if (camera.model == M::kSimpleDivision || camera.model == M::kDivision) {
+        if (n.z() * n.z() - 4 * camera.distortion[0] * (1 - n.z() * n.z()) < 0) return {};
+    }
+    if (camera.model == M::kEucm) {
+        const double root = camera.distortion[1] * (1 - n.z() * n.z()) + n.z() * n.z();
+        if (root < 0 || !(camera.distortion[0] * std::sqrt(root) + (1 - camera.distortion[0]) * n.z() > 0)) return {};
+    }
+    using J = Jet<double>;
+    Vec3<double> e1, e2;
+    tangent_basis(Vec3<double>{n.x(), n.y(), n.z()}, e1, e2);
+    const Vec2<J> at = distort_direction(
+        lens, Vec3<J>{J::linear(n.x(), e1.x, e2.x), J::linear(n.y(), e1.y, e2.y), J::linear(n.z(), e1.z, e2.z)});
+    const Vector2d value(at.x.value, at.y.value);
+    // The derivative along the great circle through the axis, and its part away from the axis's image point.
+    const double rho = std::hypot(n.x(), n.y());
+    const Vector3d outward = rho > 0 ? Vector3d(n.x() * n.z() / rho, n.y() * n.z() / rho, -rho) : Vector3d(1, 0, 0);
+    const double a = outward.dot(Vector3d(e1.x, e1.y, e1.z)), b = outward.dot(Vector3d(e2.x, e2.y, e2.z));
+    const Vector2d slope(at.x.x * a + at.x.y * b, at.y.x * a + at.y.y * b);
+    const double length = value.norm();
+    DirectionMap map{value, at.x.x * at.y.y - at.x.y * at.y.x, length > 0 ? slope.dot(value) / length : slope.norm()};
+    if (!map.value.allFinite() || !std::isfinite(map.determinant) || !std::isfinite(map.radial)) return {};
+    return map;
 }
 
 }  // namespace
@@ -294,16 +212,52 @@ bool is_pinhole(const LensCamera& lens) {
     }
 }
 
-std::optional<Vector2d> project(const LensCamera& lens, const Vector3d& point) {
-    if (lens.model == M::kEquirectangular) {
-        const double theta = std::atan2(point.x(), point.z());
-        const double phi = std::atan2(-point.y(), std::hypot(point.x(), point.z()));
-        return Vector2d((theta / (2 * std::numbers::pi) + 0.5) * lens.fx, (0.5 - phi / std::numbers::pi) * lens.fy);
+LensRange lens_range(const LensCamera& camera) {
+    if (camera.model == M::kEquirectangular) return {std::numbers::pi, 0, false};
+    const Lens<double> lens = kernel_lens<double>(camera, {});
+    constexpr int kPlanes = 32, kSteps = 180;
+    constexpr double kStep = std::numbers::pi / kSteps, kMargin = 0.15;
+    const auto at = [&](int plane, double angle) {
+        const double azimuth = 2 * std::numbers::pi * (plane + 0.5) / kPlanes;
+        const auto map = map_direction(camera, lens,
+                                       {std::sin(angle) * std::cos(azimuth), std::sin(angle) * std::sin(azimuth),
+                                        std::cos(angle)});
+        return map && map->determinant > 0 && map->radial > 0 ? map : std::nullopt;
+    };
+    const auto in_image = [&](const DirectionMap& map) {
+        const double x = camera.fx * map.value.x() + camera.cx, y = camera.fy * map.value.y() + camera.cy;
+        return x >= -kMargin * camera.width && x <= (1 + kMargin) * camera.width && y >= -kMargin * camera.height &&
+               y <= (1 + kMargin) * camera.height;
+    };
+    double fold = std::numbers::pi, reach = 0;
+    for (int plane = 0; plane < kPlanes; ++plane) {
+        for (int step = 1; step <= kSteps && step * kStep < fold + kStep; ++step) {
+            const auto map = at(plane, step * kStep - 0.5 * kStep);
+            if (map) {
+                if (in_image(*map)) reach = std::max(reach, step * kStep);
+                continue;
+            }
+            double low = (step - 1.5) * kStep, high = (step - 0.5) * kStep;
+            while (high - low > 1e-6) (at(plane, std::max(0.5 * (low + high), 1e-9)) ? low : high) = 0.5 * (low + high);
+            fold = std::min(fold, std::max(low, 0.0));
+            break;
+        }
     }
-    if (!(point.z() > 0)) return {};
-    const std::optional<Vector2d> xy = distort(lens, Vector2d(point.x() / point.z(), point.y() / point.z()));
-    if (!xy) return {};
-    return Vector2d(lens.fx * xy->x() + lens.cx, lens.fy * xy->y() + lens.cy);
+    LensRange range{std::min(fold, reach), 0, fold < reach};
+    for (int plane = 0; plane < kPlanes; ++plane)
+        if (const auto map = at(plane, range.max_angle)) range.slope += map->radial / kPlanes;
+    return range;
+}
+
+std::optional<Vector2d> project(const LensCamera& lens, const Vector3d& point) {
+    const Lens<double> kernel = kernel_lens<double>(lens, {});
+    if (lens.model == M::kEquirectangular) {
+        const Vec2<double> p = distort_direction(kernel, Vec3<double>{point.x(), point.y(), point.z()});
+        return Vector2d(p.x * lens.fx, p.y * lens.fy);
+    }
+    const std::optional<DirectionMap> map = map_direction(lens, kernel, point);
+    if (!map || !(map->determinant > 0)) return {};
+    return Vector2d(lens.fx * map->value.x() + lens.cx, lens.fy * map->value.y() + lens.cy);
 }
 
 std::optional<Vector3d> unproject(const LensCamera& lens, const Vector2d& pixel) {
@@ -312,10 +266,10 @@ std::optional<Vector3d> unproject(const LensCamera& lens, const Vector2d& pixel)
         const double phi = (0.5 - pixel.y() / lens.fy) * std::numbers::pi;
         return Vector3d(std::cos(phi) * std::sin(theta), -std::sin(phi), std::cos(phi) * std::cos(theta));
     }
-    const std::optional<Vector2d> uv =
+    const std::optional<Vector3d> ray =
         undistort(lens, Vector2d((pixel.x() - lens.cx) / lens.fx, (pixel.y() - lens.cy) / lens.fy));
-    if (!uv || !uv->allFinite()) return {};
-    return Vector3d(uv->x(), uv->y(), 1);
+    if (!ray || !ray->allFinite()) return {};
+    return ray;
 }
 
 }  // namespace gs

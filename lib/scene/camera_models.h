@@ -3,34 +3,16 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 #include <span>
 #include <string_view>
 
-namespace gs {
+#include "kernels/splat/lens_device.h"
 
-/// The lens models of COLMAP, numbered as in cameras.bin.
-enum class CameraModel : int {
-    kSimplePinhole = 0,
-    kPinhole = 1,
-    kSimpleRadial = 2,
-    kRadial = 3,
-    kOpenCV = 4,
-    kOpenCVFisheye = 5,
-    kFullOpenCV = 6,
-    kFov = 7,
-    kSimpleRadialFisheye = 8,
-    kRadialFisheye = 9,
-    kThinPrismFisheye = 10,
-    kRadTanThinPrismFisheye = 11,
-    kSimpleDivision = 12,
-    kDivision = 13,
-    kSimpleFisheye = 14,
-    kFisheye = 15,
-    kEucm = 16,
-    kEquirectangular = 17,
-};
+namespace gs {
 
 struct CameraModelInfo {
     CameraModel id;
@@ -68,13 +50,42 @@ LensCamera scaled_to(const LensCamera& lens, int width, int height);
 /// Returns true if the lens maps straight lines to straight lines, so that no undistortion is needed.
 bool is_pinhole(const LensCamera& lens);
 
-/// Returns the pixel onto which a point in camera space (OpenCV axes) projects. Returns nothing if the point is behind
-/// the camera (except for equirectangular), outside the model's domain, or in the range where the distortion folds over
-/// (non-positive Jacobian), which is not part of a real image.
+/// The part of a lens that is used: the largest circle around the axis on which it is one to one, as far as the image
+/// reaches.
+struct LensRange {
+    double max_angle = 0;   ///< largest angle to the axis, radians
+    double slope = 0;       ///< growth of the normalised image coordinates there, per radian
+    bool folds = false;     ///< whether the image reaches beyond, where the distortion folds back
+};
+
+/// Finds the range of a lens from its projection along 32 half planes through the axis, to 1e-6 radians. max_angle is 0
+/// if the lens folds at its axis.
+LensRange lens_range(const LensCamera& lens);
+
+/// Returns the kernels' lens. A pinhole's range is not used.
+template <class T> Lens<T> kernel_lens(const LensCamera& lens, const LensRange& range) {
+    Lens<T> out{};
+    if (is_pinhole(lens)) return out;
+    out.model = lens.model;
+    for (int k = 0; k < 12; ++k) out.distortion[k] = T(lens.distortion[k]);
+    if (lens.model == CameraModel::kFov) {
+        out.distortion[0] = T(std::abs(lens.distortion[0]));
+        out.distortion[1] = T(2 * std::tan(0.5 * std::abs(lens.distortion[0])));
+    }
+    out.max_angle = T(range.max_angle), out.slope = T(range.slope);
+    out.sin_max = T(std::sin(range.max_angle)), out.cos_max = T(std::cos(range.max_angle));
+    // Gaussians beyond the image reach into it by their extent. A cone of 0.3 rad holds most of them.
+    out.cos_drawn = T(std::cos(std::min(range.max_angle + 0.3, 3.1)));
+    return out;
+}
+
+/// Returns the pixel onto which a point in camera space (OpenCV axes) projects. Returns nothing if the point is outside
+/// the model's domain, behind the camera (for models that distort the plane of a pinhole), or in the range where the
+/// distortion folds over (non-positive Jacobian), which is not part of a real image.
 std::optional<Eigen::Vector2d> project(const LensCamera& lens, const Eigen::Vector3d& point);
 
-/// Returns the direction in camera space through a pixel: z = 1, or unit length for the equirectangular model. Returns
-/// nothing if no ray in front of the camera belongs to the pixel, or if Newton's method does not converge.
+/// Returns the direction in camera space through a pixel, of unit length. Returns nothing if no ray belongs to the
+/// pixel, or if Newton's method does not converge.
 std::optional<Eigen::Vector3d> unproject(const LensCamera& lens, const Eigen::Vector2d& pixel);
 
 }  // namespace gs

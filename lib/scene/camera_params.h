@@ -9,7 +9,7 @@
 
 namespace gs {
 
-/// Returns the kernels' parameters of a pinhole camera, in pixels and frame units.
+/// Returns the kernels' parameters of a camera, in pixels and frame units.
 template <class T = float> CameraParams<T> camera_params(const Camera& c) {
     const auto row = [&](int r) { return Vec3<T>{T(c.rotation(r, 0)), T(c.rotation(r, 1)), T(c.rotation(r, 2))}; };
     const Eigen::Vector3d o = c.center();
@@ -19,6 +19,7 @@ template <class T = float> CameraParams<T> camera_params(const Camera& c) {
     p.position = {T(o.x()), T(o.y()), T(o.z())};
     p.fx = T(c.fx), p.fy = T(c.fy), p.cx = T(c.cx), p.cy = T(c.cy);
     p.width = c.width, p.height = c.height;
+    p.lens = kernel_lens<T>(c, c.range);
     return p;
 }
 
@@ -34,10 +35,10 @@ enum class Seen {
 inline Seen seen(const Camera& camera, const Eigen::Vector3d& point) {
     const CameraParams<double> planes{};
     const Eigen::Vector3d p = camera.rotation * point + camera.translation;
-    if (!(p.z() > 0)) return Seen::kNot;
-    const double x = camera.fx * p.x() / p.z() + camera.cx, y = camera.fy * p.y() / p.z() + camera.cy;
-    if (!(x >= 0 && y >= 0 && x < camera.width && y < camera.height)) return Seen::kNot;
-    return p.z() >= planes.near_plane && p.z() <= planes.far_plane ? Seen::kDrawn : Seen::kClipped;
+    const std::optional<Eigen::Vector2d> at = project(camera, p);
+    if (!at || !(at->x() >= 0 && at->y() >= 0 && at->x() < camera.width && at->y() < camera.height)) return Seen::kNot;
+    const double depth = is_pinhole(camera) ? p.z() : p.norm();
+    return depth >= planes.near_plane && depth <= planes.far_plane ? Seen::kDrawn : Seen::kClipped;
 }
 
 }  // namespace gs

@@ -164,11 +164,11 @@ std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views
     return centers;
 }
 
-/// Finds the pinhole camera that replaces each lens. Leaves out the views whose lens has no such camera, and throws
-/// DataError if no view remains.
-void replace_lenses(SourceScene& scene) {
+/// Chooses the camera of each view: its lens, or a pinhole that replaces it. Leaves out the views for which there is
+/// none, and throws DataError if no view remains.
+void choose_cameras(SourceScene& scene, LensMode mode) {
     LensCamera lens;  // most scenes have one lens, whose borders are traced only once
-    Camera pinhole;
+    Camera camera;
     std::string fault, first;
     std::size_t usable = 0;
     const auto is_unusable = [&](SourceView& view) {
@@ -177,12 +177,12 @@ void replace_lenses(SourceScene& scene) {
             lens = view.lens;
             fault.clear();
             try {
-                pinhole = undistorted_camera(lens, fmt::format("image '{}'", view.name));
+                camera = choose_camera(lens, mode, fmt::format("image '{}'", view.name));
             } catch (const DataError& error) {
                 fault = error.what();
             }
         }
-        view.pinhole = pinhole;
+        view.camera = camera;
         usable += fault.empty();
         if (first.empty()) first = fault;
         return !fault.empty();
@@ -419,7 +419,7 @@ Scene load_scene(const SceneOptions& options, const LoadRules& rules) {
     scene.source = options.source;
     scene.kind = source.kind;
     scene.image_folder = source.image_folder;
-    replace_lenses(source);
+    choose_cameras(source, options.lens);
     scene.frame = rules.frame ? *rules.frame : choose_frame(camera_centers(source.views), source.points.positions);
     scene.notes = std::move(source.notes);
     scene.facts = std::move(source.facts);

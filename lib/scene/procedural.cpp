@@ -11,6 +11,7 @@
 #include "kernels/base/error.h"
 #include "kernels/base/rng.h"
 #include "lib/scene/procedural_description.h"
+#include "lib/scene/view_builder.h"
 
 namespace gs {
 namespace {
@@ -45,36 +46,47 @@ Image photographed(const Image& in, const Description& description, const proced
     return out;
 }
 
-View make_view(const Description& description, bool test, int index) {
+/// Returns camera `index` of a set behind the lens or pinhole `lens`.
+Camera posed(Camera lens, const Description& description, bool test, int index) {
+    const Camera pose = procedural::rig_camera(description.cameras, test, index);
+    lens.rotation = pose.rotation, lens.translation = pose.translation;
+    return lens;
+}
+
+View make_view(const Description& description, const Camera& lens, bool test, int index) {
     View view;
     view.name = fmt::format("{}/{:03}.png", test ? "test" : "train", index);
-    view.camera = procedural::rig_camera(description.cameras, test, index);
+    view.camera = posed(lens, description, test, index);
     const procedural::World world = test ? description.world : procedural::train_world(description, index);
     const procedural::Photography photography = procedural::photography(description, test, index);
     auto pixels = std::make_shared<const Image>(
         photographed(procedural::render(world, view.camera, description.pixel_grid), description, photography));
     view.image_bytes = pixels->bytes();
-    view.load = [pixels] { return ViewImage{*pixels, std::nullopt}; };
+    view.seen = is_pinhole(lens) ? nullptr : seen_pixels(lens);
+    view.load = [pixels, seen = view.seen] {
+        return ViewImage{*pixels, seen ? std::optional<Image>(*seen) : std::nullopt};
+    };
     if (description.exposure) view.exif_exposure = photography.stops;
     return view;
 }
 
 /// Samples the surface points at random pixels of the training cameras, with their diffuse colour. Structure from
 /// motion would give the same points, less exactly.
-PointCloud sample_points(const Description& description) {
+PointCloud sample_points(const Description& description, const Camera& lens) {
     PointCloud cloud;
     // Limited, because the loop would never end if the cameras saw no shape.
     const std::uint32_t attempts = 20u * std::uint32_t(description.points);
     for (std::uint32_t i = 0; i < attempts && cloud.positions.size() < std::size_t(description.points); ++i) {
         const Philox4 random = philox(0, RngStream::kScene, 1, i);
         const Camera camera =
-            procedural::rig_camera(description.cameras, false, int(i % std::uint32_t(description.cameras.train)));
+            posed(lens, description, false, int(i % std::uint32_t(description.cameras.train)));
         const auto ray = procedural::camera_ray(camera, camera.width * uniform_from_bits<double>(random.v[0]),
                                                 camera.height * uniform_from_bits<double>(random.v[1]));
-        if (const auto hit = procedural::intersect(description.world, ray)) {
+        const auto hit = ray ? procedural::intersect(description.world, *ray) : std::nullopt;
+        if (hit) {
             cloud.positions.push_back(hit->position.cast<float>());
             cloud.colors.push_back(
-                procedural::shade(description.world, *hit, ray.direction).diffuse.cwiseMin(1.0).cast<float>());
+                procedural::shade(description.world, *hit, ray->direction).diffuse.cwiseMin(1.0).cast<float>());
         }
     }
     return cloud;
@@ -104,12 +116,18 @@ Scene load_builtin_scene(const std::string& name, const SceneOptions& options) {
     Scene scene;
     scene.source = "builtin:" + name;
     scene.kind = "builtin";
-    for (int i = 0; i < description.cameras.train; ++i) scene.train.push_back(make_view(description, false, i));
+    const LensCamera lens = procedural::rig_lens(description.cameras);
+    const Camera camera = choose_camera(lens, options.lens, scene.source);
+    if (!is_pinhole(lens))
+        scene.notes.push_back(fmt::format("lens {}: {}", camera_model_info(lens.model).name,
+                                          is_pinhole(camera) ? "its views are cast as pinhole images"
+                                                             : "its views are used as they are"));
+    for (int i = 0; i < description.cameras.train; ++i) scene.train.push_back(make_view(description, camera, false, i));
     for (int i = 0; options.eval && i < description.cameras.test; ++i)
-        scene.test.push_back(make_view(description, true, i));
+        scene.test.push_back(make_view(description, camera, true, i));
     scene.split_rule = options.eval ? "training and test cameras of the procedural scene"
                                     : "training cameras of the procedural scene, no test views";
-    scene.points = sample_points(description);
+    scene.points = sample_points(description, camera);
     scene.extent = camera_extent(scene.train, scene.points);
     note_violations(description, scene);
     return scene;

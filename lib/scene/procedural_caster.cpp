@@ -89,9 +89,14 @@ void add_light(const World& world, const Hit& hit, const Vector3d& mirror, const
 
 }  // namespace
 
-Ray camera_ray(const Camera& camera, double x, double y) {
-    const Vector3d local((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1);
-    return {camera.center(), (camera.rotation.transpose() * local).normalized()};
+std::optional<Ray> camera_ray(const Camera& camera, double x, double y) {
+    const auto ray_to = [&](const Vector3d& local) {
+        return Ray{camera.center(), (camera.rotation.transpose() * local).normalized()};
+    };
+    if (is_pinhole(camera)) return ray_to({(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1});
+    const std::optional<Vector3d> local = unproject(camera, {x, y});
+    if (!local || local->z() < std::cos(camera.range.max_angle)) return std::nullopt;
+    return ray_to(*local);
 }
 
 std::optional<Hit> intersect(const World& world, const Ray& ray) {
@@ -154,12 +159,13 @@ Image render(const World& world, const Camera& camera, int grid) {
         for (int x = 0; x < camera.width; ++x) {
             Vector3d sum = Vector3d::Zero();
             for (int i = 0; i < grid * grid; ++i) {
-                const Ray ray = camera_ray(camera, x + (i % grid + 0.5) / grid, double(y) + (i / grid + 0.5) / grid);
-                if (const auto hit = intersect(world, ray)) {
-                    const Radiance light = shade(world, *hit, ray.direction);
+                const auto ray = camera_ray(camera, x + (i % grid + 0.5) / grid, double(y) + (i / grid + 0.5) / grid);
+                if (!ray) continue;
+                if (const auto hit = intersect(world, *ray)) {
+                    const Radiance light = shade(world, *hit, ray->direction);
                     sum += light.diffuse + light.specular;
                 } else {
-                    sum += world.background ? *world.background : sky_color(world.sky, ray.direction);
+                    sum += world.background ? *world.background : sky_color(world.sky, ray->direction);
                 }
             }
             for (int c = 0; c < 3; ++c)

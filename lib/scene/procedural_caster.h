@@ -75,8 +75,9 @@ struct Radiance {
     Eigen::Vector3d diffuse{0, 0, 0}, specular{0, 0, 0};
 };
 
-/// Returns the ray through image position (x, y) in pixels. The centre of the first pixel is (0.5, 0.5).
-Ray camera_ray(const Camera& camera, double x, double y);
+/// Returns the ray through image position (x, y) in pixels, if the lens sees one there. The centre of the first pixel is
+/// (0.5, 0.5).
+std::optional<Ray> camera_ray(const Camera& camera, double x, double y);
 
 /// Returns the ray's nearest hit with a visible surface in front of its origin, if any.
 std::optional<Hit> intersect(const World& world, const Ray& ray);
@@ -95,7 +96,8 @@ Radiance shade(const World& world, const Hit& hit, const Eigen::Vector3d& direct
 /// Returns the sky's colour in a unit direction.
 Eigen::Vector3d sky_color(const Sky& sky, const Eigen::Vector3d& direction);
 
-/// Renders a float (H,W,3) image, not clamped. Each pixel is the mean of grid x grid rays. The result does not depend
+/// Renders a float (H,W,3) image, not clamped. Each pixel is the mean of grid x grid rays; it is
+/// black where the lens sees none. The result does not depend
 /// on the number of threads.
 Image render(const World& world, const Camera& camera, int grid);
 

@@ -117,7 +117,7 @@ void YamlSection::read(const std::string& key, Eigen::Vector3d& out, double low,
 }
 
 const std::vector<std::string> kTopKeys = {"base",       "shapes",  "lights",     "sky",    "ambient",
-                                           "background", "cameras", "pixel_grid", "points", "violations"};
+                                           "background", "cameras", "lens",   "pixel_grid", "points", "violations"};
 
 Vector3d unit(const YamlSection& section, const std::string& key, Vector3d v) {
     if (v.norm() < 1e-12) throw UsageError(fmt::format("{}: the zero vector has no direction", section.where(key)));
@@ -226,6 +226,33 @@ CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
     return rig;
 }
 
+/// Reads the lens of the cameras, which replaces their pinhole.
+void read_lens(const YAML::Node& node, const std::string& where, CameraRig& rig) {
+    const YamlSection section(node, where, {"model", "distortion", "fov"});
+    std::string name;
+    section.read("model", name);
+    const auto models = camera_models();
+    const auto found = std::find_if(models.begin(), models.end(), [&](const auto& m) { return m.name == name; });
+    if (found == models.end())
+        throw UsageError(fmt::format("{}: '{}' is no camera model of COLMAP", section.where("model"), name));
+    rig.model = found->id;
+    const std::vector<YAML::Node> values = section.items("distortion");
+    if (int(values.size()) != found->num_distortion)
+        throw UsageError(fmt::format("{}: {} has {} numbers, found {}", section.where("distortion"), name,
+                                     found->num_distortion, values.size()));
+    for (std::size_t k = 0; k < values.size(); ++k) {
+        try {
+            rig.distortion[k] = values[k].as<double>();
+        } catch (const YAML::Exception&) {
+            throw UsageError(fmt::format("{}: expected numbers", section.where("distortion")));
+        }
+        check_range(rig.distortion[k], -100.0, 100.0, section.where("distortion"));
+    }
+    section.read("fov", rig.fov, 1, 359);
+    if (!(rig_lens(rig).fx > 0))
+        throw UsageError(fmt::format("{}: {} does not reach {} degrees", section.where("fov"), name, rig.fov));
+}
+
 void read_violations(const YAML::Node& node, const std::string& where, Description& out) {
     const YamlSection section(node, where, {"moved", "exposure", "shadow"});
     if (section.has("moved")) {
@@ -292,6 +319,7 @@ Description parse_description(const std::string& text, const std::string& origin
     Description description;
     description.world = read_world(top);
     if (top.has("cameras")) description.cameras = read_cameras(top.node("cameras"), top.where("cameras"));
+    if (top.has("lens")) read_lens(top.node("lens"), top.where("lens"), description.cameras);
     top.read("pixel_grid", description.pixel_grid, 1, 16);
     top.read("points", description.points, 0, 10000000);
     if (top.has("violations")) read_violations(top.node("violations"), top.where("violations"), description);
@@ -302,6 +330,25 @@ Description load_description(const std::string& name) {
     const bool is_file = name.size() > 5 && (name.ends_with(".yaml") || name.ends_with(".yml"));
     if (!is_file) return parse_description(known_scene(name, ""), "builtin:" + name);
     return parse_description(read_input(name), name);
+}
+
+LensCamera rig_lens(const CameraRig& rig) {
+    LensCamera lens{.model = rig.model, .width = rig.width, .height = rig.height};
+    if (rig.model == CameraModel::kEquirectangular) {
+        lens.fx = rig.width, lens.fy = rig.height;
+        return lens;
+    }
+    const double half = 0.5 * rig.fov * kDegree;
+    double edge = std::tan(half);  // normalised image coordinate of the left and right border
+    lens.distortion = rig.distortion;
+    if (!is_pinhole(lens)) {
+        lens.fx = lens.fy = 1;
+        const auto at = project(lens, {std::sin(half), 0, std::cos(half)});
+        edge = at ? at->x() : 0;
+    }
+    lens.fx = lens.fy = edge > 0 ? 0.5 * rig.width / edge : 0;
+    lens.cx = 0.5 * rig.width, lens.cy = 0.5 * rig.height;
+    return lens;
 }
 
 Camera rig_camera(const CameraRig& rig, bool test, int index) {
@@ -317,11 +364,7 @@ Camera rig_camera(const CameraRig& rig, bool test, int index) {
     const Vector3d forward = -outward, right = forward.cross(Vector3d::UnitZ()).normalized(),
                    down = forward.cross(right);
     Camera camera;
-    camera.width = rig.width;
-    camera.height = rig.height;
-    camera.fx = camera.fy = 0.5 * rig.width / std::tan(0.5 * rig.fov * kDegree);
-    camera.cx = 0.5 * rig.width;
-    camera.cy = 0.5 * rig.height;
+    static_cast<LensCamera&>(camera) = rig_lens(rig);
     camera.rotation.row(0) = right;
     camera.rotation.row(1) = down;
     camera.rotation.row(2) = forward;

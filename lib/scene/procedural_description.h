@@ -3,6 +3,7 @@
 // world.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -16,6 +17,8 @@ namespace gs::procedural {
 struct CameraRig {
     int width = 160, height = 120;                  ///< pixels
     double fov = 45;                                ///< horizontal field of view, degrees
+    CameraModel model = CameraModel::kPinhole;
+    std::array<double, 12> distortion{};  ///< as in LensCamera
     double radius = 4;                              ///< distance to look_at, world units
     double elevation_min = 15, elevation_max = 60;  ///< degrees above the horizon
     Eigen::Vector3d look_at{0, 0, 0};
@@ -69,6 +72,9 @@ Description load_description(const std::string& name);
 
 /// Reads a description from YAML text; `origin` names the text in messages. Throws UsageError as load_description does.
 Description parse_description(const std::string& text, const std::string& origin);
+
+/// Returns the lens of all cameras: its field of view fills the image's width.
+LensCamera rig_lens(const CameraRig& rig);
 
 /// Returns camera `index` of the training or test set.
 Camera rig_camera(const CameraRig& rig, bool test, int index);

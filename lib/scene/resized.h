@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Resizes cameras, images and views.
+// Resizes cameras, images and views, and takes their lenses away.
 #pragma once
 
 #include "lib/scene/scene.h"
@@ -12,7 +12,14 @@ Camera resized(Camera camera, int width, int height);
 /// The image size at which renderers are usually compared.
 inline constexpr int kFrameWidth = 1280, kFrameHeight = 720;
 
-/// Returns the camera with another image size, the same pose and focal lengths in pixels, and an unchanged image
+/// Returns a pinhole camera with the same pose, the same focal lengths on the axis, and the part of the image within 50
+/// degrees of the axis in each direction; a camera without a lens unchanged.
+Camera without_lens(const Camera& camera);
+
+/// Returns the view of without_lens(view.camera), whose image is resampled when loaded; views without a lens unchanged.
+std::vector<View> without_lenses(std::vector<View> views);
+
+/// Returns a pinhole camera with another image size, the same pose and focal lengths in pixels, and an unchanged image
 /// centre: the principal point becomes cx + (width - W)/2, cy + (height - H)/2. A larger image shows more of the scene
 /// at the same scale.
 Camera with_size(Camera camera, int width, int height);

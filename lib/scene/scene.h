@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A loaded scene: undistorted pinhole views, initial points, and notes on how they were obtained.
+// A loaded scene: views with their lenses, initial points, and notes on how they were obtained.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,6 +12,7 @@
 
 #include "lib/core/train_options.h"
 #include "lib/io/image.h"
+#include "lib/scene/camera_models.h"
 
 namespace gs {
 
@@ -26,10 +27,9 @@ struct Frame {
     Eigen::Vector3d to_scene(const Eigen::Vector3d& p) const { return p / scale + center; }
 };
 
-/// A pinhole camera in OpenCV axes; lengths in pixels, the centre of pixel (0,0) at (0.5,0.5).
-struct Camera {
-    int width = 0, height = 0;
-    double fx = 0, fy = 0, cx = 0, cy = 0;
+/// A camera in OpenCV axes: its lens, which is a pinhole unless the view keeps the photograph's own, and its pose.
+struct Camera : LensCamera {
+    LensRange range;                                         ///< of a lens that is no pinhole
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< translation of cam_from_world
 
@@ -42,7 +42,7 @@ struct ViewImage {
     std::optional<Image> mask;  ///< 1 channel, 8 bit: loss weight
 };
 
-/// One photograph. `load` decodes (and undistorts, resizes, applies masks) on each call and is safe to call from any
+/// One photograph. `load` decodes (and undistorts if so decided, resizes, applies masks) on each call and is safe to call from any
 /// thread. Callers that need an image twice use ImageCache.
 struct View {
     std::string name;  ///< image name relative to the image folder, e.g. "left/0001.jpg"
@@ -54,6 +54,9 @@ struct View {
     /// Index of the device that took the photograph, 0..Scene::num_cameras-1; -1 = a device without training images
     int camera_id = 0;
     std::string mask_file;  ///< file of its mask; empty without a mask
+    /// The weights that the lens gives its pixels in the loss (1 channel, 8 bit), at the training size; null: all 255.
+    /// Where they are 0 the lens sees nothing: the photograph is black, and scored renders are made so.
+    std::shared_ptr<const Image> seen;
     /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty if the file does not state it or the option did
     /// not request it (SceneOptions::ppisp_exif).
     std::optional<double> exif_exposure;

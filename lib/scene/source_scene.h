@@ -29,7 +29,7 @@ struct SourceView {
     ImageInfo info;                                          ///< size after turning by `turn`
     int turn = 1;                                            ///< EXIF orientation applied to the pixels on reading
     LensCamera lens;                                         ///< lens for the image's actual size
-    Camera pinhole = {};                                     ///< camera of the undistorted image, without a pose
+    Camera camera = {};                                      ///< of the view at the image's full size, without a pose
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
     int camera_id = 0;  ///< device that took it, in the dataset's numbering

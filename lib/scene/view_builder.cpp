@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "kernels/base/error.h"
+#include "kernels/base/parallel.h"
 #include "lib/io/image.h"
 #include "lib/scene/resized.h"
 
@@ -31,8 +33,8 @@ bool is_radial_polynomial(CameraModel model) {
 /// Returns the position of a source pixel in the pinhole image with the same intrinsics.
 std::optional<Vector2d> trace(const LensCamera& lens, double x, double y) {
     const auto ray = unproject(lens, {x, y});
-    if (!ray || std::hypot(ray->x(), ray->y()) > kMaxTangent) return {};
-    return Vector2d(lens.fx * ray->x() + lens.cx, lens.fy * ray->y() + lens.cy);
+    if (!ray || std::hypot(ray->x(), ray->y()) > kMaxTangent * ray->z()) return {};
+    return Vector2d(lens.fx * ray->x() / ray->z() + lens.cx, lens.fy * ray->y() / ray->z() + lens.cy);
 }
 
 /// Returns the size factor of one axis: the distance of the innermost traced borders from the principal point, relative
@@ -90,10 +92,25 @@ Image blank(int width, int height, int channels, bool is_float) {
 // The default maximum width of 3DGS, pixels. Larger photographs cost time in 3DGS without a visible gain.
 constexpr int kDefaultMaxWidth = 1600;
 
+/// Makes the pixels that the lens does not see black, and weighs the loss of all by the solid angle that they see.
+void weigh_by_lens(const Image& seen, ViewImage& view) {
+    if (!view.mask) view.mask = Image{seen.width, seen.height, 1, std::vector<std::uint8_t>(seen.u8.size(), 255), {}};
+    float nothing[4] = {0, 0, 0, 1};
+    for (int y = 0; y < seen.height; ++y)
+        for (int x = 0; x < seen.width; ++x) {
+            const std::uint8_t weight = seen.u8[std::size_t(y) * seen.width + x];
+            if (weight == 255) continue;
+            if (weight == 0) store(view.color, x, y, nothing);
+            const float masked = float(weight) / 255 * view.mask->value(x, y, 0);
+            store(*view.mask, x, y, &masked);
+        }
+}
+
 /// All data that a loader thread needs, stored by value.
 struct LoadJob {
     SourceView source;
-    Camera pinhole;  ///< camera after undistortion, before resizing
+    Camera camera;  ///< before resizing
+    std::shared_ptr<const Image> seen;
     int width, height;
     AlphaMode alpha_mode;
     MaskMode mask_mode;
@@ -108,8 +125,10 @@ struct LoadJob {
         std::optional<Image> mask;
         if (source.mask) mask = load_mask(*source.mask, invert_masks, color.width, color.height, source.turn);
         ViewImage view = combine(std::move(color), std::move(mask), alpha_mode, mask_mode);
-        if (!is_pinhole(source.lens)) view = undistort(view, source.lens, pinhole);
-        return resized(std::move(view), width, height);
+        if (is_pinhole(camera) && !is_pinhole(source.lens)) view = undistort(view, source.lens, camera);
+        view = resized(std::move(view), width, height);
+        if (seen) weigh_by_lens(*seen, view);
+        return view;
     }
 };
 
@@ -128,7 +147,7 @@ Camera undistorted_camera(const LensCamera& lens, const std::string& where) {
     if (is_pinhole(lens)) return camera;
     if (lens.model == CameraModel::kEquirectangular)
         throw DataError(fmt::format(
-            "{}: camera model EQUIRECTANGULAR has no pinhole image; split the panoramas into cube faces first", where));
+            "{}: camera model EQUIRECTANGULAR has no pinhole image: use --lens native", where));
 
     if (!(lens.cx > 0 && lens.cx < lens.width && lens.cy > 0 && lens.cy < lens.height))
         throw DataError(
@@ -161,6 +180,63 @@ Camera undistorted_camera(const LensCamera& lens, const std::string& where) {
     camera.cx *= double(camera.width) / lens.width;
     camera.cy *= double(camera.height) / lens.height;
     return camera;
+}
+
+double share_kept(const LensCamera& lens, const Camera& undistorted) {
+    constexpr int kSide = 48;
+    int kept = 0;
+    for (int y = 0; y < kSide; ++y)
+        for (int x = 0; x < kSide; ++x) {
+            const auto at = trace(lens, (x + 0.5) * lens.width / kSide, (y + 0.5) * lens.height / kSide);
+            if (!at) continue;
+            const double u = at->x() + undistorted.cx - lens.cx, v = at->y() + undistorted.cy - lens.cy;
+            kept += u >= 0 && v >= 0 && u <= undistorted.width && v <= undistorted.height;
+        }
+    return double(kept) / (kSide * kSide);
+}
+
+Camera choose_camera(const LensCamera& lens, LensMode mode, const std::string& where) {
+    if (mode == LensMode::kUndistort || is_pinhole(lens)) return undistorted_camera(lens, where);
+    if (mode == LensMode::kAuto) {
+        constexpr double kLeastKept = 0.98;
+        try {
+            const Camera undistorted = undistorted_camera(lens, where);
+            if (share_kept(lens, undistorted) >= kLeastKept) return undistorted;
+        } catch (const DataError&) {
+            // There is no pinhole image of this lens.
+        }
+    }
+    Camera camera;
+    static_cast<LensCamera&>(camera) = lens;
+    camera.range = lens_range(lens);
+    constexpr double kLeastAngle = 0.01;
+    if (!(camera.range.max_angle >= kLeastAngle))
+        throw DataError(fmt::format("{}: the distortion of the lens ({}) folds the image {:.2g} degrees from its axis; "
+                                    "its parameters are damaged",
+                                    where, camera_model_info(lens.model).name,
+                                    camera.range.max_angle * 180 / std::numbers::pi));
+    return camera;
+}
+
+std::shared_ptr<const Image> seen_pixels(const Camera& lens) {
+    auto seen = std::make_shared<Image>(blank(lens.width, lens.height, 1, false));
+    if (lens.model == CameraModel::kEquirectangular) {
+        // The area of a pixel on the sphere falls with the cosine of its latitude.
+        for (int y = 0; y < lens.height; ++y) {
+            const double weight = std::sin(std::numbers::pi * (y + 0.5) / lens.height);
+            std::fill_n(&seen->u8[std::size_t(y) * lens.width], lens.width, std::uint8_t(1 + std::lround(254 * weight)));
+        }
+        return seen;
+    }
+    const double least = std::cos(lens.range.max_angle);
+    parallel_for(lens.height, [&](std::int64_t y) {
+        for (int x = 0; x < lens.width; ++x) {
+            const auto ray = unproject(lens, {x + 0.5, double(y) + 0.5});
+            if (ray && ray->z() >= least) seen->u8[std::size_t(y) * lens.width + x] = 255;
+        }
+    });
+    if (std::find(seen->u8.begin(), seen->u8.end(), 0) == seen->u8.end()) return nullptr;
+    return seen;
 }
 
 ViewImage undistort(const ViewImage& in, const LensCamera& lens, const Camera& pinhole) {
@@ -202,31 +278,48 @@ std::pair<int, int> ViewBuilder::training_size(int width, int height) {
     return {target, scaled_size(height, double(width) / target)};
 }
 
+std::shared_ptr<const Image> ViewBuilder::seen_by(const Camera& lens) {
+    if (static_cast<const LensCamera&>(lens) != static_cast<const LensCamera&>(last_lens_)) {
+        seen_ = seen_pixels(lens);
+        last_lens_ = lens;
+    }
+    if (seen_) {
+        const auto unseen = std::size_t(std::count(seen_->u8.begin(), seen_->u8.end(), 0));
+        partly_seen_ += unseen > 0;
+        least_seen_ = std::min(least_seen_, 1 - double(unseen) / double(seen_->u8.size()));
+    }
+    return seen_;
+}
+
 View ViewBuilder::build(const SourceView& source) {
-    Camera camera = source.pinhole;
+    Camera camera = source.camera;
     camera.rotation = source.rotation;
     camera.translation = source.translation;
-    const bool distorted = !is_pinhole(source.lens);
+    const bool native = !is_pinhole(camera), distorted = !native && !is_pinhole(source.lens);
     if (distorted && undistorted_++ == 0) undistorted_model_ = camera_model_info(source.lens.model).name;
+    if (native && native_++ == 0) native_model_ = camera_model_info(source.lens.model).name;
 
     const auto [width, height] = training_size(camera.width, camera.height);
-    LoadJob job{source, camera, width, height, options_.alpha_mode, options_.mask_mode, options_.invert_masks};
+    const Camera full = camera;
     if (width != camera.width || height != camera.height) {
         if (resized_++ == 0)
             resized_example_ =
                 fmt::format("{} from {}x{} to {}x{}", source.name, camera.width, camera.height, width, height);
         camera = resized(camera, width, height);
     }
+    const std::shared_ptr<const Image> seen = native ? seen_by(camera) : nullptr;
+    LoadJob job{source, full, seen, width, height, options_.alpha_mode, options_.mask_mode, options_.invert_masks};
 
     const bool mask_to_alpha = source.mask && options_.mask_mode == MaskMode::kTransparent;
     const bool alpha_to_mask = source.info.channels == 4 && options_.alpha_mode == AlphaMode::kMask;
     const bool alpha = (source.info.channels == 4 && !alpha_to_mask) || mask_to_alpha ||
                        (alpha_to_mask && options_.mask_mode == MaskMode::kTransparent);
-    const bool mask = (source.mask || alpha_to_mask) && options_.mask_mode != MaskMode::kTransparent;
+    const bool mask = ((source.mask || alpha_to_mask) && options_.mask_mode != MaskMode::kTransparent) || seen;
     has_alpha_ = has_alpha_ || alpha;
     View view;
     view.name = source.name;
     view.camera = camera;
+    view.seen = seen;
     view.camera_id = source.camera_id;
     if (source.mask) view.mask_file = source.mask->path.string();
     view.image_bytes =
@@ -240,6 +333,14 @@ std::vector<std::string> ViewBuilder::notes() const {
     if (undistorted_ > 0)
         lines.push_back(fmt::format("{} images with lens distortion ({}): undistorted to pinhole when loaded",
                                     undistorted_, undistorted_model_));
+    if (native_ > 0)
+        lines.push_back(fmt::format("{} images with lens distortion ({}): used as they are, through their own lens",
+                                    native_, native_model_));
+    if (partly_seen_ > 0)
+        lines.push_back(fmt::format(
+            "{} images are seen by their lens only in part ({:.0f} % at least): pixels outside of the largest circle in "
+            "which it is one to one, or without a ray, are left out",
+            partly_seen_, 100 * least_seen_));
     if (capped_ > 0)
         lines.push_back(
             fmt::format("{} images are wider than {} px: resized with a box filter ({}); -r 1 keeps the full size",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns a source image with its lens into a view: a pinhole camera at the training size and a function that loads the
-// pixels. Lens distortion is removed only here: all later code handles pinhole cameras.
+// Turns a source image with its lens into a view: a camera at the training size and a function that loads the pixels.
+// Lens distortion is removed only here, if at all.
 #pragma once
 
 #include <string>
@@ -16,6 +16,18 @@ namespace gs {
 /// times the size per axis). Pinhole lenses come back unchanged. Throws DataError, starting with `where`, for
 /// equirectangular cameras, lenses too wide for a pinhole and damaged parameters.
 Camera undistorted_camera(const LensCamera& lens, const std::string& where);
+
+/// Returns the camera of the views of a lens, without a pose: the lens itself, or undistorted_camera(). With
+/// LensMode::kAuto it is the lens itself if the undistorted image would lose more than 2 % of the photograph's pixels,
+/// or if there is none. Throws DataError, starting with `where`, if the lens cannot be used.
+Camera choose_camera(const LensCamera& lens, LensMode mode, const std::string& where);
+
+/// Returns the share of a photograph's pixels that the undistorted image shows.
+double share_kept(const LensCamera& lens, const Camera& undistorted);
+
+/// Returns the weights of a lens's pixels in the loss (1 channel, 8 bit): 255, 0 where the lens sees nothing, and for a
+/// 360-degree image the share of solid angle, at least 1. Null if all are 255.
+std::shared_ptr<const Image> seen_pixels(const Camera& lens);
 
 /// Resamples an image of `lens` to `pinhole`, bilinearly on pixel centres with premultiplied alpha. The mask is
 /// resampled in the same way. Pixels whose ray misses the source get mask 0. The result has a mask if the input has one
@@ -40,11 +52,16 @@ class ViewBuilder {
 
   private:
     std::pair<int, int> training_size(int width, int height);
+    /// Returns seen_pixels() of a view's lens, computed once for views of one lens.
+    std::shared_ptr<const Image> seen_by(const Camera& lens);
 
     SceneOptions options_;
     int prescaled_;
-    std::size_t undistorted_ = 0, resized_ = 0, capped_ = 0, kept_small_ = 0;
-    std::string undistorted_model_, resized_example_;
+    std::size_t undistorted_ = 0, native_ = 0, partly_seen_ = 0, resized_ = 0, capped_ = 0, kept_small_ = 0;
+    std::string undistorted_model_, native_model_, resized_example_;
+    double least_seen_ = 1;  ///< smallest share of a photograph that its lens sees
+    Camera last_lens_;       ///< lens of seen_; most scenes have one lens
+    std::shared_ptr<const Image> seen_;
     bool has_alpha_ = false;
 };
 

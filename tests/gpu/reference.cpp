@@ -22,16 +22,7 @@ template <class Real> Real exact(double x) {
 }
 
 template <class Real> CameraParams<Real> camera_of(const CameraParams<float>& c) {
-    const auto v = [](const Vec3<float>& a) {
-        return Vec3<Real>{exact<Real>(a.x), exact<Real>(a.y), exact<Real>(a.z)};
-    };
-    CameraParams<Real> o{};
-    o.rotation = {v(c.rotation.r0), v(c.rotation.r1), v(c.rotation.r2)};
-    o.translation = v(c.translation), o.position = v(c.position);
-    o.fx = exact<Real>(c.fx), o.fy = exact<Real>(c.fy), o.cx = exact<Real>(c.cx), o.cy = exact<Real>(c.cy),
-    o.width = c.width, o.height = c.height;
-    o.near_plane = exact<Real>(c.near_plane), o.far_plane = exact<Real>(c.far_plane);
-    return o;
+    return converted<Real>(c, [](float x) { return exact<Real>(x); });
 }
 
 constexpr int kTile = 32;  ///< the reference's tile, a whole number of the device's sub-tiles
@@ -89,8 +80,9 @@ template <class Model, class Real> struct Projected {
             const std::uint32_t i = std::uint32_t(k);
             const PixelBounds& b = bounds[i];  // a pixel more on every side: rounding may move them
             for (int ty = std::max(b.y_min - 1, 0) / kTile; ty < tiles_y && ty * kTile < b.y_max + 1; ++ty)
-                for (int tx = std::max(b.x_min - 1, 0) / kTile; tx < tiles_x && tx * kTile < b.x_max + 1; ++tx)
-                    lists[ty * tiles_x + tx].push_back(i);
+                for (int tx = 0; tx < tiles_x; ++tx)
+                    if (camera.lens.wraps() || (b.x_min - 1 < (tx + 1) * kTile && tx * kTile < b.x_max + 1))
+                        lists[ty * tiles_x + tx].push_back(i);
         }
     }
     Vec3<Real> row3(Group g, std::int64_t i) const {
@@ -114,11 +106,20 @@ template <class Model, class Real> struct Projected {
     /// Returns whether a splat is too far to reach the pixel, as most of a tile are. The error of alpha is nowhere near
     /// a factor of 16.
     bool far(const Splat<Real>& s, int x, int y) const {
-        const double dx = s.mean.x.v - (x + 0.5), dy = s.mean.y.v - (y + 0.5);
+        const double dx = repeated(s, x).mean.x.v - (x + 0.5), dy = s.mean.y.v - (y + 0.5);
         return s.opacity.v * std::exp(-0.5 * (s.a.v * dx * dx + s.c.v * dy * dy) - s.b.v * dx * dy) < kMinAlpha / 16;
     }
+    /// Returns the splat where a 360-degree image shows it nearest to the pixels of column x.
+    Splat<Real> repeated(Splat<Real> s, int x) const {
+        if (!camera.lens.wraps()) return s;
+        if (s.mean.x.v - x > width / 2)
+            s.mean.x = s.mean.x - exact<Real>(width);
+        else if (s.mean.x.v - x < -width / 2)
+            s.mean.x = s.mean.x + exact<Real>(width);
+        return s;
+    }
     FragmentAlpha<Real> fragment(const Splat<Real>& s, int x, int y) const {
-        return fragment_alpha(FragmentShape<Real>::from(s), exact<Real>(x + 0.5), exact<Real>(y + 0.5));
+        return fragment_alpha(FragmentShape<Real>::from(repeated(s, x)), exact<Real>(x + 0.5), exact<Real>(y + 0.5));
     }
     template <class Pixel> void for_pixels(int tile, Pixel&& pixel) const {
         const int x0 = tile % tiles_x * kTile, y0 = tile / tiles_x * kTile;

@@ -69,6 +69,10 @@ inline Rounded exp2_nonpositive(Rounded x) {
     const double v = std::exp2(std::min(x.v, 0.0)), propagated = v * (std::exp2(x.e) - 1);
     return Rounded::of(v, std::min(propagated, 1.0), 4);  // neither result leaves [0, 1]
 }
+inline Rounded gs_atan2(Rounded y, Rounded x) {
+    const double r = std::hypot(x.v, y.v);
+    return Rounded::of(std::atan2(y.v, x.v), r > 0 ? (x.e + y.e) / r : INFINITY, 8);
+}
 inline Rounded gs_log(Rounded x) {
     const double least = x.v - x.e;
     return Rounded::of(std::log(x.v), least > 0 ? x.e / least : INFINITY, 4);

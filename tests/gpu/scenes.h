@@ -3,10 +3,12 @@
 #pragma once
 
 #include <functional>
+#include <numbers>
 #include <numeric>
 #include <optional>
 
 #include "tests/gpu/gpu_test.h"
+#include "tests/kernels/lenses.h"
 
 namespace gs::test {
 
@@ -104,6 +106,33 @@ inline TestScene half_finished_tile_scene() {
         s[Group::kOpacity].param[i] = opaque ? 4 : -4;
     }
     return finished(std::move(s), camera);
+}
+
+/// Returns Gaussians in all directions that a lens shows: in the middle of the image, at its rim, beside it, and across
+/// the seam of a 360-degree image, whose poles stay free.
+inline TestScene scene_around(const TestLens& lens, int width, int height) {
+    const CameraParams<double> camera = lens_camera(lens, width, height);
+    auto s = random_gaussians(400, 2, 95);
+    std::mt19937 rng(96);
+    const auto random = [&] { return double(rng() % 100000) / 99999; };
+    for (std::int64_t i = 0; i < s.count; ++i) {
+        // In steps of distance that no rounding closes, so that there is one order of blending.
+        const double distance = 2 * std::exp(0.004 * double(i)), azimuth = 2 * std::numbers::pi * random();
+        Vec3<double> d;
+        if (lens.lens.wraps()) {
+            const double latitude = 1.6 * (random() - 0.5);
+            d = {std::cos(latitude) * std::sin(azimuth), std::sin(latitude), std::cos(latitude) * std::cos(azimuth)};
+        } else {
+            const double angle = 1.1 * lens.lens.max_angle * std::sqrt(random());
+            d = {std::sin(angle) * std::cos(azimuth), std::sin(angle) * std::sin(azimuth), std::cos(angle)};
+        }
+        place(s, i, camera.rotation.transposed_times(d * distance - camera.translation));
+        for (int k = 0; k < 3; ++k)
+            s[Group::kScale].param[3 * i + k] = std::log(distance) - 3.2 + 0.5 * std::tanh(s[Group::kScale].param[3 * i + k]);
+    }
+    TestScene t;
+    t.model = float_model(s), t.camera = cast<float>(camera);
+    return t;
 }
 
 /// Returns Gaussians behind the camera.
@@ -205,6 +234,10 @@ inline std::vector<NamedScene> test_scenes() {
         {"LongNeedles", [] { return with(needle_scene(60, -0.8), [](TestScene& s) { s.rounding_share = 0.3; }); }},
         {"BesidePlainBackground", beside_plain_background_scene},
         {"Borders", [] { return border_scene(); }},
+        {"Fisheye200", [] { return scene_around(test_lenses()[0], 150, 110); }},
+        {"ThinPrism", [] { return scene_around(test_lenses()[2], 120, 90); }},
+        {"Opencv", [] { return scene_around(test_lenses()[5], 130, 90); }},
+        {"Equirectangular", [] { return scene_around(equirectangular_lens(), 200, 100); }},
         {"DegreeZero",
          [=] { return with(target(0, 3, false, false), [](TestScene& s) { s.model.appearance.model = "sh"; }); }},
         {"DegreeOneAlpha", [=] { return target(1, 4, false, false); }},

@@ -23,13 +23,7 @@ inline CameraParams<double> test_camera(int width, int height) {
 }
 
 template <class T, class U> CameraParams<T> cast(const CameraParams<U>& c) {
-    const auto v = [](const Vec3<U>& a) { return Vec3<T>{T(a.x), T(a.y), T(a.z)}; };
-    CameraParams<T> o{};
-    o.rotation = {v(c.rotation.r0), v(c.rotation.r1), v(c.rotation.r2)};
-    o.translation = v(c.translation), o.position = v(c.position);
-    o.fx = T(c.fx), o.fy = T(c.fy), o.cx = T(c.cx), o.cy = T(c.cy), o.width = c.width, o.height = c.height;
-    o.near_plane = T(c.near_plane), o.far_plane = T(c.far_plane);
-    return o;
+    return converted<T>(c, [](U x) { return T(x); });
 }
 
 template <class T, class U> GaussianState<T> cast(const GaussianState<U>& s) {

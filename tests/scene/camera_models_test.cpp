@@ -143,11 +143,21 @@ TEST(CameraModels, CentreOfTheLensIsThePrincipalPoint) {
 }
 
 TEST(CameraModels, PointsBehindAndBeyondTheFoldHaveNoPixel) {
+    const auto sees_behind = [](M model) {
+        return is_fisheye(model) || model == M::kFov || model == M::kEucm || model == M::kEquirectangular ||
+               model == M::kSimpleDivision || model == M::kDivision;
+    };
     for (const Case& c : cases())
-        if (c.model != M::kEquirectangular) {
+        if (!sees_behind(c.model)) {
             EXPECT_FALSE(project(lens_of(c), {0.1, 0.1, -1})) << camera_model_info(c.model).name;
             EXPECT_FALSE(project(lens_of(c), {0.1, 0.1, 0})) << camera_model_info(c.model).name;
         }
+    // An equidistant fisheye sees around itself: 135 degrees to the right.
+    const LensCamera fisheye = make_lens_camera(M::kFisheye, 100, 100, std::vector<double>{10, 10, 50, 50});
+    const auto behind = project(fisheye, {1, 0, -1});
+    ASSERT_TRUE(behind);
+    EXPECT_NEAR(behind->x(), 50 + 10 * 0.75 * M_PI, 1e-12);
+    EXPECT_LT((*unproject(fisheye, *behind) - Vector3d(1, 0, -1).normalized()).norm(), 1e-12);
     // r (1 - 0.2 r^2) turns back at r = 1.29 and could never reach 0.9.
     const LensCamera lens = make_lens_camera(M::kSimpleRadial, 100, 100, std::vector<double>{100, 50, 50, -0.2});
     EXPECT_TRUE(project(lens, {1.2, 0, 1}));
@@ -169,6 +179,23 @@ TEST(CameraModels, OnlyUndistortedPerspectiveIsPinhole) {
         EXPECT_EQ(is_pinhole(lens_of(c)), c.model == M::kSimplePinhole || c.model == M::kPinhole);
     EXPECT_TRUE(is_pinhole(make_lens_camera(M::kOpenCV, 9, 9, std::vector<double>{5, 5, 4, 4, 0, 0, 0, 0})));
     EXPECT_FALSE(is_pinhole(make_lens_camera(M::kOpenCVFisheye, 9, 9, std::vector<double>{5, 5, 4, 4, 0, 0, 0, 0})));
+}
+
+TEST(CameraModels, TheRangeOfALensEndsAtItsFoldOrAtItsImage) {
+    const auto range = [](M model, std::vector<double> params) {
+        return lens_range(make_lens_camera(model, 100, 100, params));
+    };
+    // The corners of the image, 15 % enlarged, are 0.65 sqrt(2) * 100 / 40 rad from the axis.
+    const LensRange whole = range(M::kFisheye, {40, 40, 50, 50});
+    EXPECT_FALSE(whole.folds);
+    EXPECT_NEAR(whole.max_angle, 0.65 * std::sqrt(2.0) * 100 / 40, 0.06);
+    EXPECT_NEAR(whole.slope, 1, 1e-9);
+    // theta (1 - 0.1 theta^2) turns back at sqrt(1 / 0.3).
+    const LensRange folded = range(M::kSimpleRadialFisheye, {30, 50, 50, -0.1});
+    EXPECT_TRUE(folded.folds);
+    EXPECT_NEAR(folded.max_angle, std::sqrt(1 / 0.3), 1e-5);
+    EXPECT_NEAR(folded.slope, 0, 1e-4);
+    EXPECT_LT(range(M::kRadial, {10, 50, 50, 0.3, 0.2}).max_angle, M_PI / 2);
 }
 
 }  // namespace

@@ -640,13 +640,61 @@ TEST(LoadScene, ALensThatFoldsLeavesOutItsImagesAlone) {
     images[1].camera_id = 2;
     for (const TestImage& image : images) write_png(folder / "images" / image.name);
     write_model(folder / "sparse/0", {TestCamera{}, {2, 2, 16, 12, {10, 8, 6, -1.5}}}, images, {TestPoint{}});
-    const Scene scene = load_unframed(at(folder.path()));
+    SceneOptions options = at(folder.path());
+    options.lens = LensMode::kUndistort;
+    const Scene scene = load_unframed(options);
     EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"a.png", "c.png", "d.png"}));
     EXPECT_TRUE(
         mentions(scene.notes, "1 images are left out because their camera cannot be used (first: image 'b.png'"));
     for (TestImage& image : images) image.camera_id = 2;
     spit(folder / "sparse/0/images.bin", images_bin(images));
-    EXPECT_CONTAINS(error_of(at(folder.path())), "image 'a.png'");
+    EXPECT_CONTAINS(error_of(options), "image 'a.png'");
+}
+
+TEST(LoadScene, ALensThatFoldsIsUsedInTheCircleWhereItDoesNot) {
+    TempFolder folder;
+    auto images = row_of_images(numbered(4));
+    images[1].camera_id = 2;
+    for (const TestImage& image : images) write_png(folder / "images" / image.name);
+    write_model(folder / "sparse/0", {TestCamera{}, {2, 2, 16, 12, {10, 8, 6, -1.5}}}, images, {TestPoint{}});
+    const Scene scene = load_unframed(at(folder.path()));
+    ASSERT_EQ(names_of(scene.train), (std::vector<std::string>{"a.png", "b.png", "c.png", "d.png"}));
+    const View &pinhole = scene.train[0], &native = scene.train[1];
+    EXPECT_TRUE(is_pinhole(pinhole.camera));
+    EXPECT_FALSE(pinhole.seen);
+    EXPECT_EQ(native.camera.model, CameraModel::kSimpleRadial);
+    // r (1 - 1.5 r^2) turns back at r = sqrt(2) / 3, where it is 0.314: 3.14 pixels.
+    EXPECT_TRUE(native.camera.range.folds);
+    EXPECT_NEAR(std::tan(native.camera.range.max_angle), std::sqrt(2.0) / 3, 1e-5);
+    ASSERT_TRUE(native.seen);
+    const ViewImage image = native.load();
+    for (int y = 0; y < 12; ++y)
+        for (int x = 0; x < 16; ++x) {
+            const bool inside = std::hypot(x + 0.5 - 8, y + 0.5 - 6) < 3.1426;
+            EXPECT_EQ(native.seen->u8[std::size_t(y) * 16 + x], inside ? 255 : 0) << x << ", " << y;
+            EXPECT_EQ(image.mask->u8[std::size_t(y) * 16 + x], inside ? 255 : 0);
+            EXPECT_TRUE(inside || image.color.value(x, y, 0) == 0);
+        }
+    EXPECT_TRUE(mentions(scene.notes, "1 images are seen by their lens only in part (17 % at least)"));
+}
+
+TEST(LoadScene, LensesAreUndistortedOnlyIfThatLosesNothing) {
+    TempFolder folder;
+    const auto images = row_of_images(numbered(3));
+    for (const TestImage& image : images) write_png(folder / "images" / image.name);
+    const auto camera = [&](double k1, LensMode mode) {
+        write_model(folder / "sparse/0", {{1, 2, 16, 12, {10, 8, 6, k1}}}, images, {TestPoint{}});
+        SceneOptions options = at(folder.path());
+        options.lens = mode;
+        return load_unframed(options).train.front().camera;
+    };
+    EXPECT_TRUE(is_pinhole(camera(-0.001, LensMode::kAuto))) << "loses less than a pixel";
+    EXPECT_FALSE(is_pinhole(camera(-0.3, LensMode::kAuto)));
+    EXPECT_TRUE(is_pinhole(camera(-0.3, LensMode::kUndistort)));
+    EXPECT_FALSE(is_pinhole(camera(-0.001, LensMode::kNative)));
+    const Camera native = camera(-0.3, LensMode::kAuto);
+    EXPECT_EQ(native.width, 16) << "the photograph's own pixels";
+    EXPECT_EQ(native.fx, 10);
 }
 
 TEST(LoadScene, AFrameThatCannotBeUsedIsLeftOutAlone) {

@@ -115,7 +115,7 @@ TEST(RayCaster, SphereCentreLandsWhereTheCameraProjectsIt) {
         const Vector3d center(0.4, 0.3, 0.5), local = camera.rotation * center + camera.translation;
         const double u = camera.fx * local.x() / local.z() + camera.cx,
                      v = camera.fy * local.y() / local.z() + camera.cy;
-        const auto hit = intersect(world_with(sphere(center, 1e-4)), camera_ray(camera, u, v));
+        const auto hit = intersect(world_with(sphere(center, 1e-4)), *camera_ray(camera, u, v));
         ASSERT_TRUE(hit) << "the ray of the projection misses a tiny sphere";
         EXPECT_NEAR(hit->t, local.norm() - 1e-4, 1e-9);
     }
@@ -283,7 +283,7 @@ TEST(BuiltinScenes, DiffuseDoesNotDependOnTheDirectionAndGlossyDoes) {
         const Description d = small(name);
         largest = 0;
         for (int i = 0; i < 200; ++i) {
-            const auto ray = camera_ray(rig_camera(d.cameras, false, 1), 0.2 * i, 15);
+            const auto ray = *camera_ray(rig_camera(d.cameras, false, 1), 0.2 * i, 15);
             if (const auto hit = intersect(d.world, ray))
                 largest = std::max(largest, shade(d.world, *hit, ray.direction).specular.maxCoeff());
         }

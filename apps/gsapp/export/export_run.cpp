@@ -35,6 +35,7 @@
 #include "lib/model/whole_model.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/frame.h"
+#include "lib/scene/resized.h"
 #include "lib/scene/scene.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/group_backend.h"
@@ -149,7 +150,7 @@ PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& fo
     std::vector<CoarserModel> models = {{visible_gaussians(all), {}}};
     if (request.compatible) complete_residuals(models[0].gaussians);
     PackedRun packed{.levels = {},
-                     .views = has_test_views ? run.scene.test : shown_views(run.scene),
+                     .views = without_lenses(has_test_views ? run.scene.test : shown_views(run.scene)),
                      .has_test_views = has_test_views,
                      .background = run.background,
                      .scene_name = name_of(run),

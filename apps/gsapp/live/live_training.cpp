@@ -16,6 +16,7 @@
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/model/run_folder.h"
+#include "lib/scene/resized.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
@@ -31,7 +32,7 @@ LivePageFacts facts_of(const TrainOptions& options, const std::vector<View>& vie
             .appearance = options.appearance,
             .run = options.model,
             .log = RunFolder{options.model}.train_log(),
-            .views = views,
+            .views = without_lenses(views),
             .background = options.background.color,
             .controls = true};
 }

@@ -20,6 +20,7 @@
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"
 #include "lib/model/whole_model.h"
+#include "lib/scene/resized.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
@@ -66,7 +67,7 @@ SavedPage::SavedPage(fs::path target, const std::string& source, std::optional<i
     }
     facts.scene = scene_;
     facts.run = target_.string();
-    facts.views = views_;
+    facts.views = without_lenses(views_);
     facts.background = background_;
     page_.emplace(facts, port);
     page_->tell({{"state", "saved"}});

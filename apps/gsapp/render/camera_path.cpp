@@ -15,9 +15,12 @@
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/io/image.h"
+#include "lib/model/cameras_json.h"
 #include "lib/scene/frame.h"
 #include "lib/scene/image_files.h"
+#include "lib/scene/resized.h"
 #include "lib/scene/transforms_reader.h"
+#include "lib/scene/view_builder.h"
 
 namespace gs {
 namespace {
@@ -88,6 +91,11 @@ Camera camera_of_list(const Entry& entry, const Frame& frame) {
     camera.fx = entry.object.contains("fx") ? entry.number_within("fx", 0, 1e6) : camera.fy;
     if (entry.object.contains("cx")) camera.cx = entry.number_within("cx", -1e6, 1e6);
     if (entry.object.contains("cy")) camera.cy = entry.number_within("cy", -1e6, 1e6);
+    try {
+        set_listed_lens(entry.object, camera);
+    } catch (const std::exception& e) {
+        entry.fail(e.what());
+    }
     Vector3d position = entry.vector("position");
     if (entry.object.contains("offset")) position += entry.vector("offset");
     const json& rows = entry.at("rotation");
@@ -152,7 +160,6 @@ CameraPath path_of_transforms(const std::filesystem::path& path, const Frame& fr
     const TransformsFile file = read_transforms(path);
     if (file.frames.empty()) throw DataError(fmt::format("{}: 'frames' is an empty list", path.string()));
     CameraPath cameras;
-    std::size_t distorted = 0;
     for (std::size_t i = 0; i < file.frames.size(); ++i) {
         const TransformsFrame& entry = file.frames[i];
         const std::string where = fmt::format("{}: frame {}", path.string(), i);
@@ -167,18 +174,10 @@ CameraPath path_of_transforms(const std::filesystem::path& path, const Frame& fr
                             "'{}' that has one; {}",
                             where, entry.file_path, picture_size_limits()));
         const LensCamera lens = resolve_intrinsics(entry.intrinsics, size->width, size->height, where);
-        if (lens.model == CameraModel::kEquirectangular)
-            throw DataError(fmt::format("{}: only perspective cameras can be rendered", where));
-        distorted += lens.distortion != decltype(lens.distortion){};
-        Camera camera;
-        camera.width = size->width, camera.height = size->height;
-        camera.fx = lens.fx, camera.fy = lens.fy, camera.cx = lens.cx, camera.cy = lens.cy;
+        Camera camera = choose_camera(lens, LensMode::kNative, where);
         camera.rotation = entry.rotation, camera.translation = entry.translation;
         cameras.cameras.push_back(into_frame(camera, frame));
     }
-    if (distorted > 0)
-        log_info("{}: the distortion of {} lenses is left out; pictures are those of pinhole cameras", path.string(),
-                 distorted);
     return cameras;
 }
 
@@ -205,6 +204,7 @@ PictureSize parse_picture_size(const std::string& text) {
 }
 
 Camera with_vertical_field(Camera camera, const PictureSize& size) {
+    if (camera.model == CameraModel::kEquirectangular) return resized(camera, size.width, size.height);
     const double scale = double(size.height) / camera.height;
     camera.fx *= scale, camera.fy *= scale, camera.cy *= scale;
     camera.cx = 0.5 * size.width + scale * (camera.cx - 0.5 * camera.width);

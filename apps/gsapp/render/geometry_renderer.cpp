@@ -65,7 +65,8 @@ RenderedImage GeometryRenderer::render(const Camera& camera, bool median) {
 
 std::vector<float> GeometryRenderer::depth(const Camera& camera, DepthKind kind) {
     parallel_for_rows(model_.count, [&](std::int64_t i) {
-        const double z = camera.rotation.row(2).dot(mean_of(model_, i)) + camera.translation.z();
+        const Eigen::Vector3d p = camera.rotation * mean_of(model_, i) + camera.translation;
+        const double z = is_pinhole(camera) ? p.z() : p.norm();
         float* base = &model_[Group::kBase].param[3 * std::size_t(i)];
         base[0] = base_of(z <= kFar ? z : 0), base[1] = base_of(z <= kFar ? 0 : z / kFar), base[2] = base_of(1);
     });

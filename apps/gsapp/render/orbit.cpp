@@ -12,6 +12,7 @@
 #include "lib/core/median.h"
 #include "lib/model/whole_model.h"
 #include "lib/scene/frame.h"
+#include "lib/scene/resized.h"
 
 namespace gs {
 namespace {
@@ -132,7 +133,7 @@ std::vector<Camera> orbit_path(const std::vector<View>& views, const OrbitShape&
         const double angle = 2 * M_PI * i / shape.count;
         const Vector3d offset = radius * (std::cos(angle) * e0 + std::sin(angle) * e1) + height * up;
         const Vector3d forward = -offset.normalized(), right = forward.cross(up).normalized();
-        Camera camera = views[0].camera;
+        Camera camera = without_lens(views[0].camera);
         camera.rotation.row(0) = right;
         camera.rotation.row(1) = forward.cross(right);
         camera.rotation.row(2) = forward;

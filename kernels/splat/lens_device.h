@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+// The lens models of COLMAP: the image point of a direction (docs/math/rasterizer.md#lenses).
+#pragma once
+
+#include "kernels/base/vec.h"
+#include "kernels/splat/jet_device.h"
+
+namespace gs {
+
+/// The lens models of COLMAP, numbered as in cameras.bin.
+enum class CameraModel : int {
+    kSimplePinhole = 0,
+    kPinhole = 1,
+    kSimpleRadial = 2,
+    kRadial = 3,
+    kOpenCV = 4,
+    kOpenCVFisheye = 5,
+    kFullOpenCV = 6,
+    kFov = 7,
+    kSimpleRadialFisheye = 8,
+    kRadialFisheye = 9,
+    kThinPrismFisheye = 10,
+    kRadTanThinPrismFisheye = 11,
+    kSimpleDivision = 12,
+    kDivision = 13,
+    kSimpleFisheye = 14,
+    kFisheye = 15,
+    kEucm = 16,
+    kEquirectangular = 17,
+};
+
+/// Returns whether a model distorts the angle to the axis, not its tangent, by a polynomial.
+GS_HD bool is_fisheye(CameraModel m) {
+    return m == CameraModel::kOpenCVFisheye ||
+           (m >= CameraModel::kSimpleRadialFisheye && m <= CameraModel::kRadTanThinPrismFisheye) ||
+           m == CameraModel::kSimpleFisheye || m == CameraModel::kFisheye;
+}
+
+/// A lens in front of a camera. A pinhole has none: its other fields are unused.
+template <class T> struct Lens {
+    CameraModel model = CameraModel::kPinhole;
+    /// Coefficients in COLMAP's order; unused ones are 0. FOV has its angle omega >= 0 and then 2 tan(omega / 2).
+    T distortion[12] = {};
+    /// The largest angle to the axis at which the lens is used, radians. Beyond it the image point moves outwards by
+    /// `slope` (normalised image coordinates per radian), since the polynomials fold back there.
+    T max_angle = {}, slope = {};
+    T sin_max = {}, cos_max = {};  ///< of max_angle
+    T cos_drawn = {};              ///< cosine of the largest angle at which the mean of a Gaussian is drawn
+
+    GS_HD bool is_pinhole() const { return model <= CameraModel::kPinhole; }
+    /// Returns whether the left and the right border of the image are the same place.
+    GS_HD bool wraps() const { return model == CameraModel::kEquirectangular; }
+    /// Returns whether a Gaussian at a point of camera space is drawn: those too far beyond the edge of the image are
+    /// not.
+    GS_HD bool reaches(const Vec3<T>& point, T distance) const {
+        return wraps() || point.z >= cos_drawn * distance;
+    }
+};
+
+/// Returns the sum of k[i] s^(i+1).
+template <class T, class S> GS_HD S power_series(const T* k, int count, const S& s) {
+    S sum = s * k[count - 1];
+    for (int i = count - 1; i-- > 0;) sum = (sum + k[i]) * s;
+    return sum;
+}
+
+/// Distorts a point (x, y) of the image plane of a pinhole or of an equidistant lens by COLMAP's polynomial models.
+template <class T, class S> GS_HD Vec2<S> distort_plane(const Lens<T>& lens, const S& x, const S& y) {
+    using M = CameraModel;
+    const T* const d = lens.distortion;
+    const S s = x * x + y * y;
+    S radial = s * T(0);
+    const auto one_plus = [](const S& a) { return a + T(1); };
+    const auto with_tangential = [](const S& u, const S& v, const S& rho2, T p1, T p2, const Vec2<S>& to) {
+        const S uv = u * v;
+        return Vec2<S>{to.x + uv * (T(2) * p1) + (rho2 + u * u * T(2)) * p2,
+                       to.y + uv * (T(2) * p2) + (rho2 + v * v * T(2)) * p1};
+    };
+    switch (lens.model) {
+        case M::kSimpleRadial:
+        case M::kSimpleRadialFisheye:
+            radial = power_series(d, 1, s);
+            break;
+        case M::kRadial:
+        case M::kRadialFisheye:
+        case M::kOpenCV:
+            radial = power_series(d, 2, s);
+            break;
+        case M::kOpenCVFisheye:
+            radial = power_series(d, 4, s);
+            break;
+        case M::kFullOpenCV: {
+            const T numerator[3] = {d[0], d[1], d[4]};
+            radial = one_plus(power_series(numerator, 3, s)) * gs_inverse(one_plus(power_series(d + 5, 3, s))) + T(-1);
+            break;
+        }
+        case M::kThinPrismFisheye: {
+            const T k[4] = {d[0], d[1], d[4], d[5]};
+            radial = power_series(k, 4, s);
+            break;
+        }
+        case M::kRadTanThinPrismFisheye:
+            radial = power_series(d, 6, s);
+            break;
+        default:
+            break;
+    }
+    const Vec2<S> out{x * one_plus(radial), y * one_plus(radial)};
+    switch (lens.model) {
+        case M::kOpenCV:
+        case M::kFullOpenCV:
+            return with_tangential(x, y, s, d[2], d[3], out);
+        case M::kThinPrismFisheye: {
+            const Vec2<S> p = with_tangential(x, y, s, d[2], d[3], out);
+            return {p.x + s * d[6], p.y + s * d[7]};
+        }
+        case M::kRadTanThinPrismFisheye: {
+            const S rho2 = out.x * out.x + out.y * out.y;
+            const Vec2<S> p = with_tangential(out.x, out.y, rho2, d[7], d[6], out);
+            return {p.x + (rho2 * d[9] + d[8]) * rho2, p.y + (rho2 * d[11] + d[10]) * rho2};
+        }
+        default:
+            return out;
+    }
+}
+
+/// Returns atan2(rho, z) / rho for rho2 = rho^2, also where rho is 0 and z > 0.
+template <class T, class S> GS_HD S angle_over(const S& rho2, const S& z) {
+    if (value_of(z) > T(0) && value_of(rho2) < T(0.01) * (value_of(z) * value_of(z))) {
+        const S over_z = gs_inverse(z), q = rho2 * over_z * over_z;
+        const T series[6] = {T(-1.0 / 3), T(1.0 / 5), T(-1.0 / 7), T(1.0 / 9), T(-1.0 / 11), T(1.0 / 13)};
+        return (power_series(series, 6, q) + T(1)) * over_z;
+    }
+    const S rho = gs_sqrt(rho2);
+    return gs_atan2(rho, z) * gs_inverse(rho);
+}
+
+/// Returns the image point, in normalised image coordinates, of a direction within the angle at which the lens is used.
+/// The direction may have any length.
+template <class T, class S> GS_HD Vec2<S> distort_direction(const Lens<T>& lens, const Vec3<S>& d) {
+    using M = CameraModel;
+    constexpr double kPi = 3.14159265358979323846;
+    const T* const k = lens.distortion;
+    const S rho2 = d.x * d.x + d.y * d.y;
+    if (is_fisheye(lens.model)) {
+        const S factor = angle_over<T>(rho2, d.z);
+        return distort_plane(lens, S(d.x * factor), S(d.y * factor));
+    }
+    switch (lens.model) {
+        case M::kFov: {
+            if (!(k[0] > T(0))) break;
+            const S factor = angle_over<T>(S(rho2 * (k[1] * k[1])), d.z) * (k[1] / k[0]);
+            return {d.x * factor, d.y * factor};
+        }
+        case M::kSimpleDivision:
+        case M::kDivision: {
+            const S factor = gs_inverse(d.z + gs_sqrt(d.z * d.z - rho2 * (T(4) * k[0]))) * T(2);
+            return {d.x * factor, d.y * factor};
+        }
+        case M::kEucm: {
+            const S factor = gs_inverse(gs_sqrt(rho2 * k[1] + d.z * d.z) * k[0] + d.z * (T(1) - k[0]));
+            return {d.x * factor, d.y * factor};
+        }
+        case M::kEquirectangular:
+            return {gs_atan2(d.x, d.z) * T(0.5 / kPi) + T(0.5),
+                    gs_atan2(d.y, gs_sqrt(d.x * d.x + d.z * d.z)) * T(1 / kPi) + T(0.5)};
+        default:
+            break;
+    }
+    const S over_z = gs_inverse(d.z);
+    return distort_plane(lens, S(d.x * over_z), S(d.y * over_z));
+}
+
+/// Returns the image point of any direction, in normalised image coordinates: that of the lens up to max_angle, and its
+/// linear continuation beyond.
+template <class T, class S> GS_HD Vec2<S> lens_point(const Lens<T>& lens, const Vec3<S>& d) {
+    const T z = value_of(d.z);
+    const T norm2 = value_of(d.x) * value_of(d.x) + value_of(d.y) * value_of(d.y) + z * z;
+    if (lens.wraps() || z >= gs_sqrt(norm2) * lens.cos_max)
+        return distort_direction(lens, d);
+    const S rho = gs_sqrt(d.x * d.x + d.y * d.y), inverse = gs_inverse(rho);
+    const S ux = d.x * inverse, uy = d.y * inverse;
+    const Vec2<S> edge = distort_direction(lens, Vec3<S>{ux * lens.sin_max, uy * lens.sin_max, rho * T(0) + lens.cos_max});
+    const S beyond = (gs_atan2(rho, d.z) + (-lens.max_angle)) * lens.slope;
+    return {edge.x + ux * beyond, edge.y + uy * beyond};
+}
+
+/// The image point of a direction and its derivatives in the plane that touches the unit sphere there.
+template <class T> struct LensPoint {
+    Vec3<T> axis, e1, e2;  ///< the direction, unit, and an orthonormal basis of the plane
+    Jet<T> x, y;           ///< normalised image coordinates of axis + a e1 + b e2 by (a, b)
+};
+
+/// Returns two unit vectors that form an orthonormal right-handed system with the unit vector n (Duff et al. 2017).
+template <class T> GS_HD void tangent_basis(const Vec3<T>& n, Vec3<T>& e1, Vec3<T>& e2) {
+    const T sign = n.z >= T(0) ? T(1) : T(-1), a = T(-1) / (sign + n.z), b = n.x * n.y * a;
+    e1 = {T(1) + sign * n.x * n.x * a, sign * b, -(sign * n.x)};
+    e2 = {b, sign + n.y * n.y * a, -n.y};
+}
+
+/// Returns the image point of a point in camera space, which must not be the origin. The arguments are values, because
+/// the device would copy a kernel's parameters to memory to pass a reference to them.
+template <class T> GS_NOINLINE LensPoint<T> lens_point_at(Lens<T> lens, Vec3<T> point, T distance) {
+    LensPoint<T> p;
+    p.axis = point * (T(1) / distance);
+    tangent_basis(p.axis, p.e1, p.e2);
+    using J = Jet<T>;
+    const Vec2<J> at = lens_point(lens, Vec3<J>{J::linear(p.axis.x, p.e1.x, p.e2.x), J::linear(p.axis.y, p.e1.y, p.e2.y),
+                                                J::linear(p.axis.z, p.e1.z, p.e2.z)});
+    p.x = at.x, p.y = at.y;
+    return p;
+}
+
+}  // namespace gs

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rendering through lenses: the derivatives of each model, the covariance on screen against a Monte Carlo projection,
+// and every gradient against central differences in double.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "appearance/none/none.h"
+#include "tests/kernels/gradient_check.h"
+#include "tests/kernels/lenses.h"
+
+namespace gs::test {
+namespace {
+
+Vec3<double> direction_at(double angle, double azimuth) {
+    return {std::sin(angle) * std::cos(azimuth), std::sin(angle) * std::sin(azimuth), std::cos(angle)};
+}
+
+TEST(Lens, DerivativesMatchFiniteDifferences) {
+    for (const TestLens& test : test_lenses()) {
+        SCOPED_TRACE(test.name);
+        const Lens<double>& lens = test.lens;
+        // On the axis, within the image, at the rim, and beyond it.
+        for (const double angle : {0.0, 0.04, 0.5 * lens.max_angle, 0.99 * lens.max_angle, 1.05 * lens.max_angle})
+            for (const double azimuth : {0.3, 2.5, 4.1}) {
+                const Vec3<double> n = direction_at(angle, azimuth);
+                const LensPoint<double> at = lens_point_at(lens, n * 3.0, 3.0);
+                const auto point = [&](double a, double b) { return lens_point(lens, at.axis + at.e1 * a + at.e2 * b); };
+                const double h = 1e-4;
+                const Vec2<double> o = point(0, 0);
+                EXPECT_NEAR(at.x.value, o.x, 1e-12);
+                EXPECT_NEAR(at.y.value, o.y, 1e-12);
+                const auto check = [&](const Jet<double>& j, auto part) {
+                    const double left = part(point(-h, 0)), right = part(point(h, 0)), up = part(point(0, -h)),
+                                 down = part(point(0, h)), mid = part(o);
+                    EXPECT_NEAR(j.x, (right - left) / (2 * h), 1e-6) << angle;
+                    EXPECT_NEAR(j.y, (down - up) / (2 * h), 1e-6) << angle;
+                    EXPECT_NEAR(j.xx, (right - 2 * mid + left) / (h * h), 1e-4) << angle;
+                    EXPECT_NEAR(j.yy, (down - 2 * mid + up) / (h * h), 1e-4) << angle;
+                    EXPECT_NEAR(j.xy,
+                                (part(point(h, h)) - part(point(-h, h)) - part(point(h, -h)) + part(point(-h, -h))) /
+                                    (4 * h * h),
+                                1e-4)
+                        << angle;
+                };
+                check(at.x, [](const Vec2<double>& p) { return p.x; });
+                check(at.y, [](const Vec2<double>& p) { return p.y; });
+            }
+    }
+}
+
+TEST(Lens, ImagePointContinuesBeyondTheRim) {
+    for (const TestLens& test : test_lenses()) {
+        SCOPED_TRACE(test.name);
+        for (const double azimuth : {0.0, 1.1, 3.9}) {
+            double before = 0;
+            for (int k = 0; k <= 40; ++k) {
+                const double angle = (0.8 + 0.01 * k) * test.lens.max_angle;
+                const Vec2<double> p = lens_point(test.lens, direction_at(angle, azimuth));
+                const double radius = std::hypot(p.x, p.y);
+                EXPECT_GT(radius, before) << angle;
+                EXPECT_TRUE(k == 0 || radius - before < 0.2) << "no jump at " << angle;
+                before = radius;
+            }
+        }
+    }
+}
+
+/// Samples a small Gaussian, projects the samples through the lens and compares their moments with the splat's.
+TEST(Lens, CovarianceOnScreenMatchesAMonteCarloProjection) {
+    std::mt19937 rng(5);
+    std::normal_distribution<double> normal;
+    for (const TestLens& test : test_lenses()) {
+        SCOPED_TRACE(test.name);
+        const CameraParams<double> camera = lens_camera(test, 400, 300);
+        for (const double share : {0.0, 0.4, 0.9}) {
+            const double distance = 3, sigma = 0.01;
+            const Vec3<double> cam = direction_at(share * test.lens.max_angle, 0.8) * distance;
+            GaussianGeometry<double> g;
+            g.mean = camera.rotation.transposed_times(cam - camera.translation);
+            g.log_scale = {std::log(sigma), std::log(2 * sigma), std::log(0.5 * sigma)};
+            g.rotation = {0.8, 0.3, -0.4, 0.2};
+            g.raw_opacity = 0;
+            Projection<double> p;
+            ASSERT_TRUE(project_geometry(g, camera, p));
+            const Mat3<double> r = rotation_matrix(g.rotation);
+            constexpr int kSamples = 40000;
+            double mx = 0, my = 0, xx = 0, xy = 0, yy = 0;
+            for (int k = 0; k < kSamples; ++k) {
+                const Vec3<double> local{sigma * normal(rng), 2 * sigma * normal(rng), 0.5 * sigma * normal(rng)};
+                const Vec2<double> at = lens_point(camera.lens, camera_point(g.mean + r * local, camera));
+                const double x = camera.fx * at.x, y = camera.fy * at.y;
+                mx += x / kSamples, my += y / kSamples;
+                xx += x * x / kSamples, xy += x * y / kSamples, yy += y * y / kSamples;
+            }
+            const double scale = p.cov2d.xx + p.cov2d.yy;
+            EXPECT_NEAR(mx, camera.fx * p.u, 0.1 * std::sqrt(scale));
+            EXPECT_NEAR(my, camera.fy * p.v, 0.1 * std::sqrt(scale));
+            EXPECT_NEAR(xx - mx * mx, p.cov2d.xx - kDilation, 0.03 * scale);
+            EXPECT_NEAR(xy - mx * my, p.cov2d.xy, 0.03 * scale);
+            EXPECT_NEAR(yy - my * my, p.cov2d.yy - kDilation, 0.03 * scale);
+        }
+    }
+}
+
+/// Gaussians all over the image, some at its rim, some just outside.
+GaussianState<double> gaussians_before(const TestLens& test, const CameraParams<double>& camera, std::uint32_t seed) {
+    auto s = random_gaussians(9, 0, seed);
+    for (int i = 0; i < 9; ++i) {
+        const double share[] = {0, 0.02, 0.3, 0.6, 0.8, 0.95, 0.99, 1.01, 1.1};
+        const Vec3<double> cam = direction_at(share[i] * test.lens.max_angle, 0.4 + 0.7 * i) * (3 + 0.2 * i);
+        const Vec3<double> mean = camera.rotation.transposed_times(cam - camera.translation);
+        double* m = &s[Group::kMean].param[3 * i];
+        m[0] = mean.x, m[1] = mean.y, m[2] = mean.z;
+        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] -= 0.3;
+    }
+    return s;
+}
+
+TEST(LensGradient, MatchesFiniteDifferencesForEveryModelOfLens) {
+    for (const TestLens& test : test_lenses()) {
+        SCOPED_TRACE(test.name);
+        const CameraParams<double> camera = lens_camera(test, 36, 28);
+        GradientCheck check;
+        check.tolerance = 1e-5;
+        check.run<appearance::None>(gaussians_before(test, camera, 3), camera, {0.2, 0.7, 0.4},
+                                    random_weights(3 * 36 * 28, 8));
+        EXPECT_EQ(check.checked, 9 * 14);
+        EXPECT_GT(check.nonzero, 60);
+        std::printf("%s: worst relative error %.2e\n", test.name, check.worst);
+    }
+}
+
+TEST(LensGradient, MatchesWithViewDependentColour) {
+    const TestLens& fisheye = test_lenses().front();
+    const CameraParams<double> camera = lens_camera(fisheye, 30, 24);
+    auto s = random_gaussians(9, 2, 6);
+    const auto geometry = gaussians_before(fisheye, camera, 6);
+    s[Group::kMean].param = geometry[Group::kMean].param;
+    GradientCheck check;
+    check.tolerance = 1e-5;
+    check.run<appearance::Sh>(s, camera, {0, 0, 0}, random_weights(3 * 30 * 24, 4));
+}
+
+TEST(Lens, WithoutDistortionDrawsWhatAPinholeDraws) {
+    // SIMPLE_RADIAL without distortion is a pinhole; its splats differ only in the order of depth and at the margins.
+    CameraParams<double> pinhole = test_camera(48, 36), lens = pinhole;
+    lens.lens = {.model = CameraModel::kSimpleRadial, .max_angle = 1.2, .slope = 1};
+    lens.lens.sin_max = std::sin(1.2), lens.lens.cos_max = lens.lens.cos_drawn = std::cos(1.2);
+    auto s = random_gaussians(12, 0, 2);
+    for (int i = 1; i < 12; ++i) s[Group::kOpacity].param[i] = -50;  // one Gaussian: no order
+    Pipeline<double, appearance::None> a, b;
+    a.render(s, pinhole, {0, 0, 0});
+    b.render(s, lens, {0, 0, 0});
+    for (std::size_t i = 0; i < a.image.size(); ++i) ASSERT_NEAR(a.image[i], b.image[i], 1e-9);
+}
+
+/// Turning the camera about its vertical axis moves a 360-degree image sideways, across the seam.
+TEST(Lens, TheSeamOfA360DegreeImageIsNoEdge) {
+    for (const int width : {64, 72}) {  // with and without a tile that the border cuts
+        CameraParams<double> camera = lens_camera(equirectangular_lens(), width, 32);
+        camera.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+        camera.translation = camera.position = {0, 0, 0};
+        auto s = random_gaussians(40, 0, 17);
+        for (int i = 0; i < 40; ++i) {
+            const double azimuth = 2 * M_PI * (i + 0.3) / 40, latitude = 0.02 * (i % 9 - 4) * 5;
+            double* m = &s[Group::kMean].param[3 * i];
+            const double r = 2 + 0.05 * i;
+            m[0] = r * std::cos(latitude) * std::sin(azimuth), m[1] = r * std::sin(latitude);
+            m[2] = r * std::cos(latitude) * std::cos(azimuth);
+        }
+        Pipeline<double, appearance::None> straight, turned;
+        straight.render(s, camera, {0.1, 0.2, 0.3});
+        const int shift = 23;
+        const double angle = 2 * M_PI * shift / width, c = std::cos(angle), n = std::sin(angle);
+        camera.rotation = {{c, 0, n}, {0, 1, 0}, {-n, 0, c}};
+        turned.render(s, camera, {0.1, 0.2, 0.3});
+        for (int channel = 0; channel < 3; ++channel)
+            for (int y = 0; y < 32; ++y)
+                for (int x = 0; x < width; ++x) {
+                    const std::size_t row = (std::size_t(channel) * 32 + y) * width;
+                    ASSERT_NEAR(straight.image[row + x], turned.image[row + (x + shift) % width], 1e-9) << x << " " << y;
+                }
+    }
+}
+
+TEST(Lens, APoleOrAHugeGaussianInA360DegreeImageIsFinite) {
+    CameraParams<double> camera = lens_camera(equirectangular_lens(), 64, 32);
+    camera.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    camera.translation = camera.position = {0, 0, 0};
+    for (const double log_scale : {-6.0, -2.0, 0.0, 4.0, 30.0})
+        for (const double offset : {0.0, 1e-9, 1e-3, 0.3}) {
+            auto s = random_gaussians(2, 0, 3);
+            const double means[6] = {offset, -2, 0, 0, 3, offset};
+            std::copy_n(means, 6, s[Group::kMean].param.begin());
+            std::fill_n(s[Group::kScale].param.begin(), 6, log_scale);
+            Pipeline<double, appearance::None> pipe;
+            pipe.render(s, camera, {0.1, 0.2, 0.3});
+            for (const double x : pipe.image) ASSERT_TRUE(std::isfinite(x)) << log_scale << " " << offset;
+            for (const auto& group : pipe.gradients(s, random_weights(3 * 64 * 32, 1)).groups)
+                for (const double x : group.param) ASSERT_TRUE(std::isfinite(x)) << log_scale << " " << offset;
+        }
+}
+
+TEST(LensGradient, MatchesFiniteDifferencesAcrossTheSeam) {
+    CameraParams<double> camera = lens_camera(equirectangular_lens(), 40, 20);
+    camera.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    camera.translation = camera.position = {0, 0, 0};
+    auto s = random_gaussians(5, 0, 23);
+    for (int i = 0; i < 5; ++i) {
+        const double azimuth = M_PI + 0.05 * (i - 2), latitude = 0.3 * (i - 2);
+        double* m = &s[Group::kMean].param[3 * i];
+        m[0] = 3 * std::cos(latitude) * std::sin(azimuth), m[1] = 3 * std::sin(latitude);
+        m[2] = 3 * std::cos(latitude) * std::cos(azimuth);
+    }
+    GradientCheck check;
+    check.tolerance = 1e-5;
+    check.run<appearance::None>(s, camera, {0.2, 0.7, 0.4}, random_weights(3 * 40 * 20, 8));
+    EXPECT_GT(check.nonzero, 60);
+}
+
+TEST(Lens, SplatsInFloatAgreeWithThoseInDouble) {
+    for (const TestLens& test : test_lenses()) {
+        SCOPED_TRACE(test.name);
+        const CameraParams<double> camera = lens_camera(test, 120, 90);
+        auto s = random_gaussians(9, 0, 12);
+        s[Group::kMean].param = gaussians_before(test, camera, 1)[Group::kMean].param;
+        Pipeline<double, appearance::None> exact;
+        Pipeline<float, appearance::None> production;
+        exact.render(s, camera, {0.1, 0.2, 0.3});
+        production.render(cast<float>(s), cast<float>(camera), {0.1f, 0.2f, 0.3f});
+        double worst = 0, sum = 0;
+        for (std::size_t i = 0; i < exact.image.size(); ++i) {
+            const double error = std::abs(exact.image[i] - double(production.image[i]));
+            worst = std::max(worst, error), sum += error / double(exact.image.size());
+        }
+        EXPECT_LT(sum, 2e-6);
+        EXPECT_LT(worst, 5e-3) << "at most a fragment at the cutoff";
+    }
+}
+
+}  // namespace
+}  // namespace gs::test
