@@ -5,6 +5,8 @@
 // Blending goes from front to back, so the blocks of the longest lists would run on while the rest of the device is
 // idle. A tile whose list is long compared with the view's total is therefore blended by four blocks: a warp processes
 // a quarter of a sub-tile, and its lanes hold eight pixels times four consecutive splats.
+#include <type_traits>
+
 #include "kernels/blend/blend_device.h"
 #include "kernels/blend/sub_tile_cuda.h"
 #include "kernels/splat/splat_cuda.h"
@@ -47,10 +49,15 @@ __device__ inline StagedSplat load_splat(unsigned at) {
     return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y};
 }
 
-/// Begins to copy a splat to shared memory; wait_for_splat() completes the copy.
-__device__ inline void begin_splat(PackedSplat& to, const PackedSplat& from) {
+/// Loads a splat's shape through a lens in the same way.
+__device__ inline LensShape<float> load_lens_shape(unsigned at) {
+    return PackedLensShape{load_shared4(at), load_shared4(at + 16), load_shared4(at + 32)}.shape();
+}
+
+/// Begins to copy a splat, or its shape through a lens, to shared memory; wait_for_splat() completes the copy.
+template <class Packed> __device__ inline void begin_splat(Packed& to, const Packed& from) {
 #pragma unroll
-    for (unsigned k = 0; k < sizeof(PackedSplat); k += 16)
+    for (unsigned k = 0; k < sizeof(Packed); k += 16)
         asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(shared_address(&to) + k),
                      "l"(reinterpret_cast<const char*>(&from) + k)
                      : "memory");
@@ -83,13 +90,19 @@ constexpr int kGroups = kChunk / 32;  ///< groups of 32 splats, one word of bits
 constexpr int kMostAtOnce = 8;        ///< splats that a warp takes from its list at a time
 
 struct BlockMemory {
-    PackedSplat splats[2][kChunk];                                ///< splats of a chunk, and of the next one
-    PackedSplat nothing;                                          ///< padding splat that changes no pixel
+    PackedSplat splats[2][kChunk];  ///< splats of a chunk, and of the next one
+    PackedSplat nothing;            ///< padding splat that changes no pixel
     unsigned reached[2][kGroups][kSubTiles];                      ///< bits of 32 splats that reach a sub-tile
     alignas(16) unsigned lists[kSubTiles][kChunk + kMostAtOnce];  ///< the same as addresses in shared memory
     unsigned processed, pairs;  ///< instances until all pixels of the block were finished; pixels times hits
     unsigned first_chunk;
 };
+/// The shapes of the same splats through a lens, in the same order.
+struct LensMemory {
+    PackedLensShape shapes[2][kChunk], nothing;
+};
+struct NoLensMemory {};
+static_assert(sizeof(PackedLensShape) == sizeof(PackedSplat), "a shape lies as far from the first as its splat does");
 
 /// Adds up the colours of the lanes that share a pixel.
 template <int kAbreast> __device__ PixelForward<float> whole_pixel(PixelForward<float> p) {
@@ -193,11 +206,12 @@ __device__ int note_hits(const BlockMemory& shared, int buffer, int warp, int la
 }
 
 /// Blends a tile, or a quarter of each of its sub-tiles. All threads of a block call this.
-template <bool kForBackward, int kAbreast>
-__device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, int quarter,
+template <bool kForBackward, int kAbreast, class Lens>
+__device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins, int tile, int quarter,
                            const PackedSplat* __restrict__ splats, const BlendImage& image,
                            StepControl* __restrict__ control, const BlendTrail& trail) {
     constexpr int kAtOnce = kAbreast == 1 ? 4 : 2;
+    constexpr bool kLens = std::is_same_v<Lens, LensMemory>;
     static_assert(kAtOnce * kAbreast <= kMostAtOnce);
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const int2 corner = tile_corner(tile, bins.tiles_x);
@@ -207,10 +221,24 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
     if (threadIdx.x == 0) {
         shared.processed = shared.pairs = 0;
         shared.nothing = {};
+        if constexpr (kLens) lens.nothing = {};
     }
     __syncthreads();
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
     const float px = mine.pixel.x + 0.5f, py = mine.pixel.y + 0.5f;
+    Vec3<float> ray{0, 0, 0};
+    unsigned to_lens = 0;  // from the address of a splat to that of its shape
+    if constexpr (kLens) {
+        if (inside) {
+            const float4 r = image.rays[std::size_t(mine.pixel.y) * image.width + mine.pixel.x];
+            ray = {r.x, r.y, r.z};
+        }
+        to_lens = shared_address(&lens.shapes[0][0]) - shared_address(&shared.splats[0][0]);
+    }
+    const auto fetch = [&](int buffer, std::uint32_t g) {
+        begin_splat(shared.splats[buffer][threadIdx.x], splats[g]);
+        if constexpr (kLens) begin_splat(lens.shapes[buffer][threadIdx.x], image.lens_shapes[g]);
+    };
     const auto save_state = [&](std::uint32_t before, const PixelForward<float>& so_far) {
         if (mine.slot == 0)
             trail.checkpoints[checkpoint_before(begin, before) * kCudaTilePixels + mine.in_tile] =
@@ -224,11 +252,11 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
     unsigned pairs = 0, processed = 0;  // instances until this warp's pixels were finished
     int buffer = 0;
     std::uint32_t at = begin + threadIdx.x, next = gaussian(at);  // this thread's instance and its Gaussian
-    if (at < end) begin_splat(shared.splats[0][threadIdx.x], splats[next]);
+    if (at < end) fetch(0, next);
     next = gaussian(at + kChunk);
     for (std::uint32_t base = begin; base < end; base += kChunk, at += kChunk, buffer ^= 1) {
         wait_for_splat();
-        if (image.period > 0) {
+        if (kLens && image.period > 0) {
             float& x = shared.splats[buffer][threadIdx.x].a.x;
             x = image.near_x(x, corner.x);
         }
@@ -245,7 +273,7 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
         const bool open = p.t >= image.cutoffs.transmittance;
         // After this barrier the chunk is complete for all threads, and the previous one is no longer read.
         if (!__syncthreads_or(open)) break;
-        if (at + kChunk < end) begin_splat(shared.splats[buffer ^ 1][threadIdx.x], splats[next]);
+        if (at + kChunk < end) fetch(buffer ^ 1, next);
         next = gaussian(at + 2 * kChunk);
         if (!__any_sync(~0u, open)) continue;
         if (kForBackward && base > begin) save_state(base - begin, whole_pixel<kAbreast>(p));
@@ -274,7 +302,12 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
 #pragma unroll
                 for (int u = 0; u < kAtOnce; ++u) {
                     s[u] = load_splat(places[u]);
-                    alpha[u] = fragment_alpha(s[u].shape(), px, py).alpha;
+                    if constexpr (kLens)
+                        alpha[u] = lens_fragment_alpha<float, float>(load_lens_shape(places[u] + to_lens), s[u].opacity,
+                                                                     ray)
+                                       .alpha;
+                    else
+                        alpha[u] = fragment_alpha(s[u].shape(), px, py).alpha;
                 }
                 unsigned bits = 0;
 #pragma unroll
@@ -313,11 +346,12 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
         list_chunks(shared, tile, corner, begin, kAbreast == 1 ? shared.processed : end - begin, trail, control);
 }
 
-template <bool kForBackward>
-__global__ void __launch_bounds__(kCudaTilePixels, 6)
+template <bool kForBackward, class Lens>
+__global__ void __launch_bounds__(kCudaTilePixels, std::is_empty_v<Lens> ? 6 : 5)
     blend_forward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
                   StepControl* __restrict__ control, BlendTrail trail) {
     __shared__ BlockMemory shared;
+    __shared__ Lens lens;
     if (kForBackward && blockIdx.x == 0 && threadIdx.x == 0) *trail.next_item = 0;
     if (kForBackward)  // the writes end while the block blends, which leaves memory idle
         for (std::size_t k = blockIdx.x * kCudaTilePixels + threadIdx.x; k < trail.num_zeros;
@@ -326,9 +360,9 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
     const TileItem item = bins.longest_first[blockIdx.x];
     if (item.is_none()) return;
     if (item.is_whole())
-        blend_tile<kForBackward, 1>(shared, bins, item.tile(), 0, splats, image, control, trail);
+        blend_tile<kForBackward, 1>(shared, lens, bins, item.tile(), 0, splats, image, control, trail);
     else
-        blend_tile<kForBackward, 4>(shared, bins, item.tile(), item.quarter(), splats, image, control, trail);
+        blend_tile<kForBackward, 4>(shared, lens, bins, item.tile(), item.quarter(), splats, image, control, trail);
 }
 
 }  // namespace
@@ -351,10 +385,15 @@ void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles, PackedSums
 
 void CudaBlend::forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control,
                         bool for_backward, cudaStream_t stream) {
-    if (for_backward)
-        blend_forward<true><<<bins.num_items(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, trail_);
-    else
-        blend_forward<false><<<bins.num_items(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, {});
+    const auto launch = [&](auto lens) {
+        using Lens = decltype(lens);
+        const int blocks = bins.num_items();
+        if (for_backward)
+            blend_forward<true, Lens><<<blocks, kCudaTilePixels, 0, stream>>>(bins, splats, image, control, trail_);
+        else
+            blend_forward<false, Lens><<<blocks, kCudaTilePixels, 0, stream>>>(bins, splats, image, control, {});
+    };
+    image.rays ? launch(LensMemory{}) : launch(NoLensMemory{});
     GS_CUDA_LAUNCHED("blend_forward");
 }
 

@@ -33,6 +33,14 @@ struct WarpMemory {
     std::uint32_t list[kChunk];                 ///< instances that changed a pixel of the sub-tile
 };
 
+/// What a warp has in addition through a lens.
+struct LensMemory {
+    float4 rays[kSubY][kSubX];                                ///< of the pixels
+    float4 batch[kBatch / kOwn][WarpMemory::kSplatStride];    ///< shapes, in the layout of PackedLensShape
+};
+struct NoLensMemory {};
+template <class Lens> inline constexpr bool kIsLens = std::is_same_v<Lens, LensMemory>;
+
 /// The work of a lane: fragments of a column of pixels and of a group of splats. Lanes that differ only in the lowest
 /// bit have the same group, and lanes that differ only in the next bit have the same column, so that shared memory
 /// serves a warp's reads of either at once.
@@ -68,6 +76,17 @@ struct HalfSplat {
     HalfSplat() = default;  ///< half of a splat that changes nothing
     __device__ HalfSplat(const PackedSplat& from, int half) : shape((&from.a)[half]), color((&from.c.x)[half]) {}
     __device__ void store(float4* to, int half) const { to[half] = shape, (&to[2].x)[half] = color; }
+};
+
+/// The same part of a splat's shape through a lens: a or b, and half of c.
+struct HalfLensShape {
+    float4 row{};
+    float2 rest{};
+
+    HalfLensShape() = default;
+    __device__ HalfLensShape(const PackedLensShape& from, int half)
+        : row((&from.a)[half]), rest(reinterpret_cast<const float2*>(&from.c)[half]) {}
+    __device__ void store(float4* to, int half) const { to[half] = row, reinterpret_cast<float2*>(&to[2])[half] = rest; }
 };
 
 /// Values of the lanes in a column, combined over the lanes before this one, and over all four.
@@ -121,10 +140,20 @@ __device__ float sum_over_columns(const float (&x)[kOwn], int lane) {
     return sum + __shfl_xor_sync(~0u, sum, 1);
 }
 
+__device__ inline LensShape<float> lens_shape_of(const LensMemory& lens, int group, int own) {
+    const float4* const s = &lens.batch[group][3 * own];
+    return PackedLensShape{s[0], s[1], s[2]}.shape();
+}
+__device__ inline Vec3<float> ray_of(const LensMemory& lens, int y, int column) {
+    const float4 r = lens.rays[y][column];
+    return {r.x, r.y, r.z};
+}
+
 /// Adds the gradients of a batch to its splats. `h` and `w` belong to a lane's fragments, by pixel and splat. `target`
 /// belongs to the splat that this lane shares with its neighbour.
-template <bool kFixedOrder>
-__device__ void add_gradients(WarpMemory& memory, const float (&h)[kSubY][kOwn], const float (&w)[kSubY][kOwn],
+template <bool kFixedOrder, class Lens>
+__device__ void add_gradients(WarpMemory& memory, const Lens& lens, const float (&h)[kSubY][kOwn],
+                              const float (&w)[kSubY][kOwn],
                               float px, float centre_y, std::uint32_t target, int sub_tile, int lane,
                               PackedSums* __restrict__ sums) {
     const auto [column, group] = LaneOf(lane);
@@ -142,9 +171,23 @@ __device__ void add_gradients(WarpMemory& memory, const float (&h)[kSubY][kOwn],
             red = gs_fma(w[y][i], g.x, red), green = gs_fma(w[y][i], g.y, green);
             blue[i] = gs_fma(w[y][i], g.z, blue[i]);
         }
+        const int half_splat = 8 * i + 2 * group;
+        if constexpr (kIsLens<Lens>) {
+            SplatSums<float> s{};
+            const LensShape<float> shape = lens_shape_of(lens, group, i);
+#pragma unroll
+            for (int y = 0; y < kSubY; ++y) {
+                const auto f = lens_fragment_alpha<float, float>(shape, 1.0f, ray_of(lens, y, column));
+                const float hx = h[y][i] * f.dx, hy = h[y][i] * f.dy;
+                s.hx = gs_fma(hx, f.cosine, s.hx), s.hy = gs_fma(hy, f.cosine, s.hy);
+                s.hxx = gs_fma(hx, f.dx, s.hxx), s.hxy = gs_fma(hx, f.dy, s.hxy), s.hyy = gs_fma(hy, f.dy, s.hyy);
+            }
+            memory.sums[half_splat][column] = make_float4(m0, s.hx, s.hy, s.hxx);
+            memory.sums[half_splat + 1][column] = make_float4(s.hxy, s.hyy, red, green);
+            continue;
+        }
         const float2 mean = *reinterpret_cast<const float2*>(&memory.batch[group][3 * i]);
         const float dx = mean.x - px, dy = mean.y - centre_y, hx = dx * m0, hy = dy * m0 - m1;
-        const int half_splat = 8 * i + 2 * group;
         memory.sums[half_splat][column] = make_float4(m0, hx, hy, dx * hx);
         memory.sums[half_splat + 1][column] = make_float4(dx * hy, dy * (hy - m1) + m2, red, green);
     }
@@ -195,8 +238,8 @@ struct PixelToPass {
 };
 
 /// Processes the part `chunk` of a tile's list for one sub-tile.
-template <bool kFixedOrder>
-__device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
+template <bool kFixedOrder, class Lens>
+__device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
                            const PackedSplat* __restrict__ splats, const BlendImage& image,
                            const float* __restrict__ dL_dimage, const BlendTrail& trail, std::uint32_t num_instances,
                            PackedSums* __restrict__ sums) {
@@ -240,12 +283,21 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     };
     const auto fetch = [&](std::uint32_t target) {
         if (target == kNobody) return HalfSplat{};
-        HalfSplat part(splats[kFixedOrder ? bins.gaussians[target] : target], half.second);
-        if (!half.second) part.shape.x = image.near_x(part.shape.x, corner.x);
-        return part;
+        return HalfSplat(splats[kFixedOrder ? bins.gaussians[target] : target], half.second);
+    };
+    const auto fetch_shape = [&](std::uint32_t target) {
+        if (target == kNobody) return HalfLensShape{};
+        return HalfLensShape(image.lens_shapes[kFixedOrder ? bins.gaussians[target] : target], half.second);
     };
     std::uint32_t target = target_from(0);
     HalfSplat splat = fetch(target);
+    HalfLensShape shape;
+    if constexpr (kIsLens<Lens>) {
+        shape = fetch_shape(target);
+        const int2 pixel = pixel_of(corner, lane);
+        lens.rays[lane / kSubX][lane % kSubX] =
+            of_lane.inside ? image.rays[std::size_t(pixel.y) * image.width + pixel.x] : float4{};
+    }
     const auto [column, group] = LaneOf(lane);
     float t[kSubY], behind[kSubY];
     // Lanes have loaded neighbouring pixels, and read the pixels of their columns from shared memory.
@@ -264,9 +316,11 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     const float px = corner.x + column + 0.5f;
     for (int first = 0; first < listed; first += kBatch) {
         splat.store(&memory.batch[half.group][3 * half.own], half.second);
+        if constexpr (kIsLens<Lens>) shape.store(&lens.batch[half.group][3 * half.own], half.second);
         __syncwarp();
         const std::uint32_t next = target_from(first + kBatch);
         splat = fetch(next);  // loads while this batch is processed
+        if constexpr (kIsLens<Lens>) shape = fetch_shape(next);
 
         float alpha[kSubY][kOwn], slope[kSubY][kOwn];  // later h and w
 #pragma unroll
@@ -277,8 +331,15 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
 #pragma unroll
             for (int y = 0; y < kSubY; ++y) {
                 const float4 g = memory.pixels[y][column];
-                const float of_pixel =
-                    fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, px, corner.y + y + 0.5f).alpha;
+                float of_pixel;
+                if constexpr (kIsLens<Lens>)
+                    of_pixel = lens_fragment_alpha<float, float>(lens_shape_of(lens, group, i), b.y,
+                                                                 ray_of(lens, y, column))
+                                   .alpha;
+                else
+                    of_pixel = fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, px,
+                                              corner.y + y + 0.5f)
+                                   .alpha;
                 alpha[y][i] = of_pixel >= image.cutoffs.alpha ? of_pixel : 0;
                 slope[y][i] = color_gradient(PixelBackward<float>{.gr = g.x, .gg = g.y, .gb = g.z}, b.w, c.x, c.y);
             }
@@ -309,7 +370,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         } else {
             pass(std::false_type{});
         }
-        add_gradients<kFixedOrder>(memory, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile, lane, sums);
+        add_gradients<kFixedOrder>(memory, lens, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile, lane, sums);
         target = next;
     }
     __syncwarp();  // before the next chunk overwrites data that slower lanes may still read
@@ -318,12 +379,13 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
 /// Processes chunks: each warp takes the next chunk and two of its sub-tiles when it is done with the previous one.
 /// With one block per item a fifth of the warp slots would be empty, since blocks of a few thousand cycles end and
 /// begin all the time.
-template <bool kFixedOrder>
+template <bool kFixedOrder, class Lens>
 __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
     blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
                    const float* __restrict__ dL_dimage, const StepControl* __restrict__ control, BlendTrail trail,
                    PackedSums* __restrict__ sums) {
     __shared__ WarpMemory memories[kWarps];
+    __shared__ Lens lenses[kWarps];
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const unsigned num_items = control->num_chunks * (kSubTiles / 2);
     const auto take = [&] { return lane == 0 ? atomicAdd(trail.next_item, 1u) : 0; };
@@ -341,7 +403,7 @@ __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
         const unsigned next = take();  // loads during the first sub-tile, and its chunk during the second
 #pragma unroll 1
         for (int k = 0; k < 2; ++k) {
-            walk_chunk<kFixedOrder>(memories[warp], chunk, first + k, bins, splats, image, dL_dimage, trail,
+            walk_chunk<kFixedOrder>(memories[warp], lenses[warp], chunk, first + k, bins, splats, image, dL_dimage, trail,
                                     std::uint32_t(control->num_instances), sums);
             if (k == 0) item = __shfl_sync(~0u, next, 0), word = word_of(item);
         }
@@ -384,13 +446,14 @@ void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const 
                                      num_multiprocessors() * kBlocksAtOnce);
     const auto [dL_dimage, sums, n, slots] = gradients;
     if (!slots) {
-        blend_backward<false>
-            <<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, sums);
+        const auto kernel = image.rays ? &blend_backward<false, LensMemory> : &blend_backward<false, NoLensMemory>;
+        kernel<<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, sums);
         GS_CUDA_LAUNCHED("blend_backward");
         return;
     }
     GS_CUDA(cudaMemsetAsync(partial_, 0, std::size_t(capacity_) * kSubTiles * sizeof(PackedSums), stream));
-    blend_backward<true><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, partial_);
+    const auto kernel = image.rays ? &blend_backward<true, LensMemory> : &blend_backward<true, NoLensMemory>;
+    kernel<<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, partial_);
     GS_CUDA_LAUNCHED("blend_backward");
     if (n == 0) return;
     add_partial_sums<<<num_blocks(n, 256), 256, 0, stream>>>(n, *slots, control, partial_, sums);

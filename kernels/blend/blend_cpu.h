@@ -23,6 +23,8 @@ template <class Real> struct TileInput {
     Vec3<Real> background;
     Cutoffs<Real> cutoffs;
     Real period = 0;  ///< as in CameraParams
+    const LensShape<Real>* lens_shapes = nullptr;  ///< of all Gaussians, through a lens; else null
+    const Real* rays = nullptr;                    ///< (3,H,W) unit rays of the pixels, through a lens
 
     /// Returns the splat of an instance, at the place that is nearest to the tile if the image repeats.
     Splat<Real> splat(std::int64_t k) const {
@@ -59,13 +61,65 @@ template <class Real> struct BlockGeometry {
 /// Returns the index of pixel (x,y) of a tile in block order.
 inline int block_order(int x, int y) { return ((y / 4) * 4 + x / 4) * 16 + (y % 4) * 4 + x % 4; }
 
+template <class Real> Vec3<Lanes<Real>> in_all_lanes(const Vec3<Real>& v) {
+    return {Lanes<Real>(v.x), Lanes<Real>(v.y), Lanes<Real>(v.z)};
+}
+
+/// The fragments of a tile's splats in its blocks of pixels, with a lens or without.
+template <class Real> class TileFragments {
+  public:
+    using L = Lanes<Real>;
+    explicit TileFragments(const TileInput<Real>& in) : in_(in), blocks_(in.x0, in.y0) {
+        if (!in.rays) return;
+        const std::size_t plane = std::size_t(in.width) * in.height;
+        for (int y = 0; y < kCpuTile; ++y)
+            for (int x = 0; x < kCpuTile; ++x) {
+                const int px = std::min(in.x0 + x, in.width - 1), py = std::min(in.y0 + y, in.height - 1);
+                const std::size_t i = std::size_t(py) * in.width + px;
+                for (int c = 0; c < 3; ++c) rays_[c][block_order(x, y)] = in.rays[i + std::size_t(c) * plane];
+            }
+    }
+    /// Begins with the splat of an instance, and returns it.
+    const Splat<Real>& begin(std::int64_t k) {
+        splat_ = in_.splat(k);
+        flat_ = FragmentShape<L>::from(splat_);
+        if (in_.rays) {
+            const LensShape<Real>& s = in_.lens_shapes[in_.instances[k].gaussian];
+            lens_ = {in_all_lanes(s.x), in_all_lanes(s.y), in_all_lanes(s.axis), L(s.qa), L(s.qb), L(s.qc)};
+        }
+        return splat_;
+    }
+    /// Returns BlockGeometry::touched of the splat.
+    unsigned touched() const { return blocks_.touched(splat_); }
+    /// Calls f with the splat's fragments in a block: a FragmentAlpha or a LensFragment.
+    template <class F> void in_block(int block, F&& f) const {
+        if (!in_.rays) return f(fragment_alpha(flat_, blocks_.px[block % 4], blocks_.py[block / 4]));
+        const int at = block * kLanes;
+        f(lens_fragment_alpha<L, Real>(lens_, flat_.opacity,
+                                       {L::load(rays_[0] + at), L::load(rays_[1] + at), L::load(rays_[2] + at)}));
+    }
+    L alpha(int block) const {
+        L alpha(Real(0));
+        in_block(block, [&](const auto& f) { alpha = f.alpha; });
+        return alpha;
+    }
+
+  private:
+    const TileInput<Real>& in_;
+    const BlockGeometry<Real> blocks_;
+    alignas(64) Real rays_[3][kTilePixels];
+    Splat<Real> splat_;
+    FragmentShape<L> flat_;
+    LensShape<L> lens_;
+};
+
 /// Blends a tile. Writes colour (planar, plane stride width*height) and final transmittance of the tile's pixels, and
 /// to block_masks[k] the blocks in which instance k was evaluated. Returns the number of instances processed until
 /// every pixel was finished; later masks are not written.
 template <class Real>
 std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, Real* image, Real* transmittance) {
     using L = Lanes<Real>;
-    const BlockGeometry<Real> blocks(in.x0, in.y0);
+    TileFragments<Real> fragments(in);
     alignas(64) Real t[kTilePixels], r[kTilePixels] = {}, g[kTilePixels] = {}, b[kTilePixels] = {};
     unsigned open = 0;  // blocks with an unfinished pixel
     for (int y = 0; y < kCpuTile; ++y)
@@ -76,17 +130,15 @@ std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, R
         }
     std::int64_t k = 0;
     for (; k < in.num_instances && open; ++k) {
-        const Splat<Real> s = in.splat(k);
-        unsigned mask = blocks.touched(s) & open;
+        const Splat<Real>& s = fragments.begin(k);
+        unsigned mask = fragments.touched() & open;
         block_masks[k] = static_cast<std::uint16_t>(mask);
         if (!mask) continue;
-        const auto shape = FragmentShape<L>::from(s);
         const L cr(s.color.x), cg(s.color.y), cb(s.color.z);
         for (; mask; mask &= mask - 1) {
             const int block = __builtin_ctz(mask), at = block * kLanes;
             PixelForward<L> p{L::load(t + at), L::load(r + at), L::load(g + at), L::load(b + at)};
-            blend_fragment<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]).alpha, cr, cg,
-                                    cb, in.cutoffs);
+            blend_fragment<L, Real>(p, fragments.alpha(block), cr, cg, cb, in.cutoffs);
             p.t.store(t + at);
             p.r.store(r + at);
             p.g.store(g + at);
@@ -112,7 +164,7 @@ template <class Real>
 void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks,
                          const Real* image, const Real* transmittance, const Real* dL_dimage, SplatSums<Real>* sums) {
     using L = Lanes<Real>;
-    const BlockGeometry<Real> blocks(in.x0, in.y0);
+    TileFragments<Real> fragments(in);
     alignas(64) Real t[kTilePixels], behind[kTilePixels], gr[kTilePixels], gg[kTilePixels], gb[kTilePixels],
         background[kTilePixels];
     const std::size_t plane = std::size_t(in.width) * in.height;
@@ -137,16 +189,16 @@ void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, 
             out = SplatSums<Real>{};
             continue;
         }
-        const Splat<Real> s = in.splat(k);
-        const auto shape = FragmentShape<L>::from(s);
+        const Splat<Real>& s = fragments.begin(k);
         const L cr(s.color.x), cg(s.color.y), cb(s.color.z), zero(Real(0));
         SplatSums<L> sum{zero, zero, zero, zero, zero, zero, zero, zero, zero};
         for (; mask; mask &= mask - 1) {
             const int block = __builtin_ctz(mask), at = block * kLanes;
             PixelBackward<L> p{L::load(t + at),  L::load(behind + at), L::load(gr + at),
                                L::load(gg + at), L::load(gb + at),     L::load(background + at)};
-            blend_fragment_backward<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]), cr,
-                                             cg, cb, in.cutoffs, sum);
+            fragments.in_block(block, [&](const auto& f) {
+                blend_fragment_backward<L, Real>(p, f, cr, cg, cb, in.cutoffs, sum);
+            });
             p.t.store(t + at);
             p.behind.store(behind + at);
         }
@@ -162,18 +214,16 @@ void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, 
 template <class Real>
 void median_tile(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks, Real* image) {
     using L = Lanes<Real>;
-    const BlockGeometry<Real> blocks(in.x0, in.y0);
+    TileFragments<Real> fragments(in);
     alignas(64) Real t[kTilePixels], r[kTilePixels] = {}, g[kTilePixels] = {}, b[kTilePixels] = {};
     std::fill_n(t, kTilePixels, Real(1));
     for (std::int64_t k = 0; k < num_processed; ++k) {
-        const Splat<Real> s = in.splat(k);
-        const auto shape = FragmentShape<L>::from(s);
+        const Splat<Real>& s = fragments.begin(k);
         const L cr(s.color.x), cg(s.color.y), cb(s.color.z);
         for (unsigned mask = block_masks[k]; mask; mask &= mask - 1) {
             const int block = __builtin_ctz(mask), at = block * kLanes;
             PixelForward<L> p{L::load(t + at), L::load(r + at), L::load(g + at), L::load(b + at)};
-            pass_median<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]).alpha, cr, cg, cb,
-                                 in.cutoffs);
+            pass_median<L, Real>(p, fragments.alpha(block), cr, cg, cb, in.cutoffs);
             p.t.store(t + at);
             p.r.store(r + at);
             p.g.store(g + at);
@@ -197,7 +247,7 @@ template <class Real>
 void score_tile(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks,
                 const Real* image, const Real* transmittance, Real* sums) {
     using L = Lanes<Real>;
-    const BlockGeometry<Real> blocks(in.x0, in.y0);
+    TileFragments<Real> fragments(in);
     alignas(64) Real t[kTilePixels] = {}, behind[kTilePixels] = {}, background[kTilePixels] = {};
     const std::size_t plane = std::size_t(in.width) * in.height;
     for (int y = 0; y < std::min(kCpuTile, in.height - in.y0); ++y)
@@ -209,15 +259,13 @@ void score_tile(const TileInput<Real>& in, std::int64_t num_processed, const std
             t[p] = pixel.t, behind[p] = pixel.behind, background[p] = pixel.background;
         }
     for (std::int64_t k = 0; k < in.num_instances; ++k) {
-        const Splat<Real> s = in.splat(k);
-        const auto shape = FragmentShape<L>::from(s);
-        const L color_sum(s.color.x + s.color.y + s.color.z);
+        const Splat<Real>& s = fragments.begin(k);
+        const L color_sum(s.color.x + s.color.y + s.color.z), opacity(s.opacity);
         L sum(Real(0));
         for (unsigned mask = k < num_processed ? block_masks[k] : 0; mask; mask &= mask - 1) {
             const int block = __builtin_ctz(mask), at = block * kLanes;
             PixelScore<L> p{L::load(t + at), L::load(behind + at), L::load(background + at)};
-            const L alpha = fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]).alpha;
-            sum = sum + fragment_score<L, Real>(p, alpha, shape.opacity, color_sum, in.cutoffs);
+            sum = sum + fragment_score<L, Real>(p, fragments.alpha(block), opacity, color_sum, in.cutoffs);
             p.t.store(t + at);
             p.behind.store(behind + at);
         }

@@ -67,7 +67,9 @@ struct BlendImage {
     Vec3<float> background;
     float *rgb, *transmittance;  ///< (3,H,W), (H,W)
     Cutoffs<float> cutoffs;
-    float period;  ///< as in CameraParams
+    float period;                        ///< as in CameraParams
+    const PackedLensShape* lens_shapes;  ///< (Gaussians), through a lens; else null
+    const float4* rays;                  ///< (H,W) unit rays of the pixels in x, y and z, through a lens
 
     /// Returns the place of a splat that is nearest to a tile, or part of one, if the image repeats.
     __device__ float near_x(float mean_x, int corner_x) const {

@@ -28,6 +28,21 @@ template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>&
     return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
 }
 
+/// A fragment through a lens.
+template <class P> struct LensFragment : FragmentAlpha<P> {
+    P cosine;  ///< of the angle between the pixel's ray and the mean's direction
+};
+
+/// Returns alpha of a splat at the unit ray of a pixel. A splat does not reach the other half of the sphere.
+template <class P, class T> GS_HD LensFragment<P> lens_fragment_alpha(const LensShape<P>& s, P opacity, const Vec3<P>& ray) {
+    const P dx = -gs_fma(s.x.x, ray.x, gs_fma(s.x.y, ray.y, s.x.z * ray.z));
+    const P dy = -gs_fma(s.y.x, ray.x, gs_fma(s.y.y, ray.y, s.y.z * ray.z));
+    const P cosine = gs_fma(s.axis.x, ray.x, gs_fma(s.axis.y, ray.y, s.axis.z * ray.z));
+    const P exponent = gs_fma(dy, gs_fma(s.qc, dy, s.qb * dx), s.qa * dx * dx);
+    const P alpha = select(at_least(cosine, P(T(1e-3))), opacity * exp2_nonpositive(exponent), P(T(0)));
+    return {{dx, dy, alpha}, cosine};
+}
+
 /// The front-to-back state of a pixel.
 template <class P> struct PixelForward {
     P t, r, g, b;  ///< transmittance and colour so far
@@ -149,14 +164,20 @@ GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const 
     return select(at_least(P(T(kLargestScore)), square) & blended, square, P(T(0)));
 }
 
-template <class P, class T>
-GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb,
+/// Adds one fragment to the sums of its splat. Fragment is FragmentAlpha or LensFragment.
+template <class P, class T, class Fragment>
+GS_HD void blend_fragment_backward(PixelBackward<P>& s, const Fragment& f, P cr, P cg, P cb,
                                    const Cutoffs<T>& cutoffs, SplatSums<P>& sum) {
     const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, color_gradient(s, cr, cg, cb), cutoffs);
     const P hx = d.h * f.dx, hy = d.h * f.dy;
     sum.h = sum.h + d.h;
-    sum.hx = sum.hx + hx;
-    sum.hy = sum.hy + hy;
+    if constexpr (requires { f.cosine; }) {
+        sum.hx = gs_fma(hx, f.cosine, sum.hx);
+        sum.hy = gs_fma(hy, f.cosine, sum.hy);
+    } else {
+        sum.hx = sum.hx + hx;
+        sum.hy = sum.hy + hy;
+    }
     sum.hxx = gs_fma(hx, f.dx, sum.hxx);
     sum.hxy = gs_fma(hx, f.dy, sum.hxy);
     sum.hyy = gs_fma(hy, f.dy, sum.hyy);

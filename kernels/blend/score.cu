@@ -7,34 +7,62 @@
 namespace gs {
 namespace {
 
+/// Splats of a warp's batch that reach its sub-tile. Through a lens their shapes lie beside them.
+template <bool kLens> struct WarpBatch {
+    PackedSplat splats[32];
+    PackedLensShape shapes[kLens ? 32 : 1];
+
+    __device__ void put(int place, const PackedSplat& s, const BlendImage& image, std::uint32_t gaussian) {
+        splats[place] = s;
+        if constexpr (kLens) shapes[place] = image.lens_shapes[gaussian];
+    }
+    /// Returns alpha of the k-th splat at a pixel centre, or at its ray.
+    __device__ float alpha(int k, float px, float py, const Vec3<float>& ray) const {
+        if constexpr (kLens)
+            return lens_fragment_alpha<float, float>(shapes[k].shape(), splats[k].shape().opacity, ray).alpha;
+        else
+            return fragment_alpha(splats[k].shape(), px, py).alpha;
+    }
+};
+
+/// Returns the ray of a pixel through a lens.
+template <bool kLens> __device__ Vec3<float> ray_of(const BlendImage& image, int2 pixel) {
+    if (!kLens || pixel.x >= image.width || pixel.y >= image.height) return {0, 0, 0};
+    const float4 r = image.rays[std::size_t(pixel.y) * image.width + pixel.x];
+    return {r.x, r.y, r.z};
+}
+
 /// Writes the medians of a tile. A warp processes the list for a sub-tile until all its pixels have a median.
+template <bool kLens>
 __global__ void __launch_bounds__(kCudaTilePixels)
     find_medians(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image) {
-    __shared__ PackedSplat batches[kSubTiles][32];
+    __shared__ WarpBatch<kLens> batches[kSubTiles];
     const int tile = int(blockIdx.x), warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const int2 sub_tile = sub_tile_corner(tile_corner(tile, bins.tiles_x), warp), pixel = pixel_of(sub_tile, lane);
     const bool inside = pixel.x < image.width && pixel.y < image.height;
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
-    PackedSplat* batch = batches[warp];
+    WarpBatch<kLens>& batch = batches[warp];
+    const Vec3<float> ray = ray_of<kLens>(image, pixel);
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
     const float px = pixel.x + 0.5f, py = pixel.y + 0.5f;
     for (std::uint32_t base = begin; base < end; base += 32) {
         if (__all_sync(~0u, p.t <= float(kMedianTransmittance))) break;
         PackedSplat mine{};
+        std::uint32_t gaussian = 0;
         bool hit = false;
         if (base + lane < end) {
             const std::uint32_t instance = bins.instances[base + lane];
-            mine = splats[bins.gaussians ? bins.gaussians[instance] : instance];
+            gaussian = bins.gaussians ? bins.gaussians[instance] : instance;
+            mine = splats[gaussian];
             mine.a.x = image.near_x(mine.a.x, sub_tile.x);
             hit = reaches(mine.splat(), sub_tile);
         }
         const unsigned hits = __ballot_sync(~0u, hit);
-        if (hit) batch[__popc(hits & ((1u << lane) - 1))] = mine;
+        if (hit) batch.put(__popc(hits & ((1u << lane) - 1)), mine, image, gaussian);
         __syncwarp();
         for (int k = 0, count = __popc(hits); k < count; ++k) {
-            const Vec3<float> color = batch[k].color();
-            pass_median<float, float>(p, fragment_alpha(batch[k].shape(), px, py).alpha, color.x, color.y, color.z,
-                                      image.cutoffs);
+            const Vec3<float> color = batch.splats[k].color();
+            pass_median<float, float>(p, batch.alpha(k, px, py, ray), color.x, color.y, color.z, image.cutoffs);
         }
         __syncwarp();
     }
@@ -45,16 +73,17 @@ __global__ void __launch_bounds__(kCudaTilePixels)
 
 /// Sums the scores of each sub-tile with one warp, which processes the whole list. `out` is (Gaussians), or (slots,
 /// sub-tiles) with a fixed order.
-template <bool kFixedOrder>
+template <bool kFixedOrder, bool kLens>
 __global__ void __launch_bounds__(kCudaTilePixels)
     score_tiles(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, float* __restrict__ out) {
-    __shared__ PackedSplat batches[kSubTiles][32];
+    __shared__ WarpBatch<kLens> batches[kSubTiles];
     __shared__ std::uint32_t all_targets[kSubTiles][32];
     if (!bins.longest_first[blockIdx.x].is_first_of_tile()) return;
     const int tile = bins.longest_first[blockIdx.x].tile(), warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const int2 sub_tile = sub_tile_corner(tile_corner(tile, bins.tiles_x), warp), pixel = pixel_of(sub_tile, lane);
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
-    PackedSplat* batch = batches[warp];
+    WarpBatch<kLens>& batch = batches[warp];
+    const Vec3<float> ray = ray_of<kLens>(image, pixel);
     std::uint32_t* targets = all_targets[warp];
     PixelScore<float> p{};  // pixels outside the image have no transmittance left
     if (pixel.x < image.width && pixel.y < image.height) {
@@ -67,24 +96,25 @@ __global__ void __launch_bounds__(kCudaTilePixels)
     for (std::uint32_t base = begin; base < end; base += 32) {
         if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
         PackedSplat mine{};
-        std::uint32_t instance = 0;
+        std::uint32_t instance = 0, gaussian = 0;
         bool hit = false;
         if (base + lane < end) {
             instance = bins.instances[base + lane];
-            mine = splats[kFixedOrder ? bins.gaussians[instance] : instance];
+            gaussian = kFixedOrder ? bins.gaussians[instance] : instance;
+            mine = splats[gaussian];
             mine.a.x = image.near_x(mine.a.x, sub_tile.x);
             hit = reaches(mine.splat(), sub_tile);
         }
         const unsigned hits = __ballot_sync(~0u, hit);
         const int place = __popc(hits & ((1u << lane) - 1)), count = __popc(hits);
-        if (hit) batch[place] = mine, targets[place] = instance;
+        if (hit) batch.put(place, mine, image, gaussian), targets[place] = instance;
         __syncwarp();
         float of_lane = 0;  // sum of the lane-th splat
         for (int k = 0; k < count; ++k) {
-            const FragmentShape<float> shape = batch[k].shape();
-            const Vec3<float> color = batch[k].color();
-            const float sum = warp_sum(fragment_score<float, float>(
-                p, fragment_alpha(shape, px, py).alpha, shape.opacity, color.x + color.y + color.z, image.cutoffs));
+            const Vec3<float> color = batch.splats[k].color();
+            const float sum = warp_sum(fragment_score<float, float>(p, batch.alpha(k, px, py, ray),
+                                                                    batch.splats[k].shape().opacity,
+                                                                    color.x + color.y + color.z, image.cutoffs));
             if (lane == k) of_lane = sum;
         }
         if (lane < count) {
@@ -112,7 +142,8 @@ __global__ void add_partial_scores(std::int64_t n, SlotMap slots, const float* _
 }  // namespace
 
 void write_medians(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, cudaStream_t stream) {
-    find_medians<<<bins.num_tiles(), kCudaTilePixels, 0, stream>>>(bins, splats, image);
+    const auto find = image.rays ? &find_medians<true> : &find_medians<false>;
+    find<<<bins.num_tiles(), kCudaTilePixels, 0, stream>>>(bins, splats, image);
     GS_CUDA_LAUNCHED("find_medians");
 }
 
@@ -124,13 +155,15 @@ void CudaScores::add(const CudaBins& bins, const PackedSplat* splats, const Blen
                      std::int64_t num_instances) {
     if (num_instances == 0) return;
     if (!slots) {
-        score_tiles<false><<<bins.num_items(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, scores_.get());
+        const auto score = image.rays ? &score_tiles<false, true> : &score_tiles<false, false>;
+        score<<<bins.num_items(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, scores_.get());
         GS_CUDA_LAUNCHED("score_tiles");
         return;
     }
     const std::size_t sums = std::size_t(num_instances) * kSubTiles;
     GS_CUDA(cudaMemsetAsync(partial_.reserve(sums), 0, sums * sizeof(float), stream_));
-    score_tiles<true><<<bins.num_items(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, partial_.get());
+    const auto score = image.rays ? &score_tiles<true, true> : &score_tiles<true, false>;
+    score<<<bins.num_items(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, partial_.get());
     GS_CUDA_LAUNCHED("score_tiles");
     add_partial_scores<<<num_blocks(n_, 256), 256, 0, stream_>>>(n_, *slots, partial_.get(), scores_.get());
     GS_CUDA_LAUNCHED("add_partial_scores");

@@ -34,6 +34,27 @@ class StageTimer {
     const double start_;
 };
 
+/// The rays of a lens's pixels, kept until another lens is used.
+template <class Real> struct LensRays {
+    CameraParams<Real> camera{};
+    std::vector<Real> planes;  ///< (3,H,W), unit
+
+    void update(const CameraParams<Real>& c) {
+        if (!planes.empty() && has_same_rays(camera, c)) return;
+        camera = c;
+        const std::size_t plane = std::size_t(c.width) * c.height;
+        planes.resize(3 * plane);
+        parallel_for(c.height, [&](std::int64_t y) {
+            for (int x = 0; x < c.width; ++x) {
+                const Vec3<Real> ray =
+                    lens_ray(c.lens, (Real(x) + Real(0.5) - c.cx) / c.fx, (Real(y) + Real(0.5) - c.cy) / c.fy);
+                const std::size_t i = std::size_t(y) * c.width + x;
+                planes[i] = ray.x, planes[i + plane] = ray.y, planes[i + 2 * plane] = ray.z;
+            }
+        });
+    }
+};
+
 template <class Real, class Model> class CpuRasterizer {
   public:
     explicit CpuRasterizer(std::int64_t max_instances = default_max_instances(), const Cutoffs<Real>& cutoffs = {})
@@ -47,12 +68,14 @@ template <class Real, class Model> class CpuRasterizer {
         {
             const StageTimer timer(seconds.preprocess);
             const auto view = view_lanes();
+            lens_shapes_.resize(camera.lens.is_pinhole() ? 0 : params.count);
             fill_bins(params.count, [&](std::int64_t first, std::int64_t, BinningInput::Part& bin) {
                 SplatLanes<Real> s;
                 for (unsigned shown = make_splats(params, first, view, s); shown; shown &= shown - 1) {
                     const int lane = __builtin_ctz(shown);
                     const std::int64_t i = first + lane;
                     splats_[i] = s.splat(lane);
+                    if (!lens_shapes_.empty()) lens_shapes_[i] = s.lens_shapes[lane];
                     if (!add_instances(i, s.pixel_bounds(lane), s.depth[lane], bin)) continue;
                     splats_[i].color = color_of(params, i, mode);
                 }
@@ -83,6 +106,7 @@ template <class Real, class Model> class CpuRasterizer {
         if (std::max(camera.width, camera.height) > kMaxWireSide)
             throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                               " pixels: several ranks take up to " + std::to_string(kMaxWireSide) + " a side");
+        refuse_lens_of_ranks(camera);
         begin_view(camera, {}, degree);
         const StageTimer timer(seconds.preprocess);
         const auto view = view_lanes();
@@ -220,6 +244,7 @@ template <class Real, class Model> class CpuRasterizer {
         depth_key_ = DepthKey::of(float(camera.near_plane), float(camera.far_plane));
         background_ = background;
         degree_ = Model::kDirectional ? degree : 0;
+        if (!camera.lens.is_pinhole()) rays_.update(camera);
         tiles_x_ = (camera.width + kCpuTile - 1) / kCpuTile;
         tiles_y_ = (camera.height + kCpuTile - 1) / kCpuTile;
     }
@@ -293,7 +318,9 @@ template <class Real, class Model> class CpuRasterizer {
                 splats_.data(),
                 background_,
                 cutoffs_,
-                camera_.period()};
+                camera_.period(),
+                lens_shapes_.empty() ? nullptr : lens_shapes_.data(),
+                lens_shapes_.empty() ? nullptr : rays_.planes.data()};
     }
 
     std::int64_t max_instances_;
@@ -305,6 +332,8 @@ template <class Real, class Model> class CpuRasterizer {
     BinningInput bins_;
     TileBinning binning_;
     std::vector<Splat<Real>> splats_;
+    std::vector<LensShape<Real>> lens_shapes_;  ///< (Gaussians), through a lens only
+    LensRays<Real> rays_;
     struct ProjectedPart {
         std::vector<WireSplat> splats;
         std::vector<std::uint32_t> rows;

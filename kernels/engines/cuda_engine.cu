@@ -42,6 +42,15 @@ __global__ void __launch_bounds__(kLossSumThreads)
     status->stopped = control->stopped;
 }
 
+/// Writes the unit rays (H,W) of the pixels of a lens.
+__global__ void compute_rays(CameraParams<float> camera, float4* __restrict__ rays) {
+    const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+    if (i >= std::size_t(camera.width) * camera.height) return;
+    const float x = float(i % camera.width) + 0.5f, y = float(i / camera.width) + 0.5f;
+    const Vec3<float> ray = lens_ray(camera.lens, (x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy);
+    rays[i] = make_float4(ray.x, ray.y, ray.z, 0);
+}
+
 cudaStream_t make_stream() {
     cudaStream_t stream;
     GS_CUDA(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
@@ -293,6 +302,7 @@ void CudaEngine::lay_out_view(const CameraParams<float>& camera, std::int64_t n,
     if (std::max(camera.width, camera.height) > kMaxSide)
         throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                           " pixels: the CUDA backend takes up to " + std::to_string(kMaxSide) + " a side");
+    begin_lens(camera, n);
     if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * n, 1 << 16);
     const auto try_capacity = [&] {
         lay_out({for_backward ? Layout::kStep : Layout::kFrame, n, capacity_, camera.width, camera.height, wire_.placed,
@@ -332,7 +342,8 @@ PreprocessArgs CudaEngine::preprocess_args(const CameraParams<float>& camera, Re
             lazy,
             {},
             {},
-            nullptr};
+            nullptr,
+            lens_shapes_};
 }
 
 PreprocessArgs CudaEngine::frame_args(const RenderRequest& r) {
@@ -349,8 +360,20 @@ PreprocessArgs CudaEngine::frame_args(const RenderRequest& r) {
     return args;
 }
 
+void CudaEngine::begin_lens(const CameraParams<float>& camera, std::int64_t n) {
+    lens_shapes_ = nullptr;
+    if (camera.lens.is_pinhole()) return;
+    lens_shapes_ = lens_shape_room_.reserve(std::size_t(std::max<std::int64_t>(n, 1)));
+    if (lens_rays_.get() && has_same_rays(camera_of_rays_, camera)) return;
+    const std::size_t pixels = std::size_t(camera.width) * camera.height;
+    compute_rays<<<num_blocks(pixels, kBlock), kBlock, 0, stream_>>>(camera, lens_rays_.reserve(pixels));
+    GS_CUDA_LAUNCHED("compute_rays");
+    camera_of_rays_ = camera;
+}
+
 BlendImage CudaEngine::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
-    return {camera.width, camera.height, background, image_, transmittance_, cutoffs_, camera.period()};
+    return {camera.width, camera.height, background, image_, transmittance_, cutoffs_,
+            camera.period(), lens_shapes_,  lens_shapes_ ? lens_rays_.get() : nullptr};
 }
 
 CudaBins CudaEngine::enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,

@@ -196,6 +196,8 @@ class CudaEngine final : public Engine {
     /// Returns the arguments of a frame of up-to-date rows (settle()).
     PreprocessArgs frame_args(const RenderRequest& request);
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
+    /// Prepares the rays and the room for the shapes of a view of `n` splats, if it has a lens.
+    void begin_lens(const CameraParams<float>& camera, std::int64_t n);
     /// Changes the set of rows by fn(), after all rows are up to date.
     template <class Fn> auto change_rows(Fn fn);
     /// Waits for all steps, then applies the deferred residual steps.
@@ -224,6 +226,10 @@ class CudaEngine final : public Engine {
     PackedSums* sums_ = nullptr;
     SeparateArgs separate_{};
     SparseRows shared_sums_{};
+    PackedLensShape* lens_shapes_ = nullptr;  ///< of the view; null without a lens
+    DeviceBuffer<PackedLensShape> lens_shape_room_;
+    DeviceBuffer<float4> lens_rays_;
+    CameraParams<float> camera_of_rays_{};
     float *image_ = nullptr, *transmittance_ = nullptr, *dL_dimage_ = nullptr;
     CudaBinning binning_;
     CudaBlend blend_;

@@ -105,9 +105,12 @@ __global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
     PixelBounds b{0, 0, 0, 0};
     float depth = 0;
     bool valid = i < a.params.count;
-    if (valid)
-        valid =
-            make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
+    if (valid) {
+        LensShape<float> lens_shape;
+        valid = make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs,
+                           &lens_shape);
+        if (a.lens_shapes && valid) a.lens_shapes[i] = PackedLensShape::of(lens_shape);
+    }
     // Residuals and colours load while tiles are tested. Nearly all Gaussians that reach this point touch a tile.
     const bool begun = kFused && begin_residual<Model>(a, i, valid, memory[warp]);
     const Vec3<float> base = kFused && valid ? load_base(a.params, i) : Vec3<float>{0, 0, 0};

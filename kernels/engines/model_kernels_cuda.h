@@ -41,6 +41,7 @@ struct PreprocessArgs {
     SharedArgs shared;
     SeparateArgs separate;
     const __half* half_residuals;  ///< residual parameters for frames; null: use `params`
+    PackedLensShape* lens_shapes;  ///< (n), written through a lens; else null
 };
 
 /// A view of a step on several views. Its sums may come from another rank. The pointers are on the device.

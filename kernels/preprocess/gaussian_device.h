@@ -44,13 +44,31 @@ template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real
     s.opacity = sigmoid(raw_opacity);
 }
 
+/// Replaces the conic of a splat through a lens by that of its outline on screen. Returns its own shape.
+template <class Real>
+GS_HD LensShape<Real> set_outline(Splat<Real>& s, const CameraParams<Real>& camera, Projection<Real>& p) {
+    const Real k = Real(-0.5 * kLog2E);
+    const LensPoint<Real>& at = p.at;
+    const LensShape<Real> shape{(at.e1 * at.x.x + at.e2 * at.x.y) * camera.fx,
+                                (at.e1 * at.y.x + at.e2 * at.y.y) * camera.fy,
+                                at.axis,
+                                k * s.a,
+                                Real(2) * k * s.b,
+                                k * s.c};
+    p.cov2d = lens_outline(camera, p, touch_threshold(s));
+    p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
+    const Real inverse = Real(1) / p.det;
+    s.a = p.cov2d.yy * inverse, s.b = -(p.cov2d.xy * inverse), s.c = p.cov2d.xx * inverse;
+    return shape;
+}
+
 /// Computes the geometry of the splat, its pixel bounds on a grid padded to whole tiles, and its depth. Returns false
 /// if the Gaussian is culled. Leaves out the colour, which is only worth computing once the Gaussian is known to touch
-/// a tile.
+/// a tile. Through a lens, writes the shape to `lens_shape`, and the splat holds its outline on screen.
 template <class Real>
 GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded,
                       int height_padded, Splat<Real>& s, PixelBounds& bounds, Real& depth,
-                      const Cutoffs<Real>& cutoffs = {}) {
+                      const Cutoffs<Real>& cutoffs, LensShape<Real>* lens_shape) {
     if (!(sigmoid(g.raw_opacity) >= cutoffs.alpha)) return false;
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return false;
@@ -58,6 +76,7 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     set_shape(s, p, g.raw_opacity);
     s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
     s.threshold = splat_threshold(s.opacity, cutoffs.inverse_alpha);
+    if (!camera.lens.is_pinhole()) *lens_shape = set_outline(s, camera, p);
     bounds = camera.lens.wraps() ? wrapped_bounds(s.mean, p.cov2d, touch_threshold(s), camera.width, width_padded,
                                                   height_padded)
                                  : pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);

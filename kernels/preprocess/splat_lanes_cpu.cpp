@@ -69,7 +69,7 @@ unsigned make_splats_through_lens(const ParameterView<Real>& params, std::int64_
         PixelBounds b;
         Real depth;
         if (!make_splat(params.geometry(first + lane), view.one, int(view.width_padded[0]), int(view.height_padded[0]),
-                        s, b, depth, view.cutoffs))
+                        s, b, depth, view.cutoffs, &out.lens_shapes[lane]))
             continue;
         shown |= 1u << lane;
         auto& to = out.splats;

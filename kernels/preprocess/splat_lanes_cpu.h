@@ -26,6 +26,7 @@ template <class Real> struct SplatLanes {
     Splat<Lanes<Real>> splats;
     Rectangle<Lanes<Real>> bounds;
     Lanes<Real> depth;
+    LensShape<Real> lens_shapes[kLanes];  ///< through a lens only
 
     /// Returns the splat of a visible Gaussian. Its colour is undefined.
     Splat<Real> splat(int lane) const {

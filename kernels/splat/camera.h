@@ -24,6 +24,14 @@ template <class T> struct CameraParams {
     GS_HD T period() const { return lens.wraps() ? T(width) : T(0); }
 };
 
+/// Returns whether two cameras have the same pixels, focal lengths and lens, whatever their poses.
+template <class T> bool has_same_rays(const CameraParams<T>& a, const CameraParams<T>& b) {
+    bool same = a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx &&
+                a.cy == b.cy && a.lens.model == b.lens.model && a.lens.max_angle == b.lens.max_angle;
+    for (int k = 0; k < 12; ++k) same = same && a.lens.distortion[k] == b.lens.distortion[k];
+    return same;
+}
+
 /// Returns the camera in another scalar; of(x) converts a number.
 template <class T, class U, class Of> CameraParams<T> converted(const CameraParams<U>& c, Of&& of) {
     const auto vec = [&](const Vec3<U>& v) { return Vec3<T>{of(v.x), of(v.y), of(v.z)}; };

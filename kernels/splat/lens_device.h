@@ -211,4 +211,37 @@ template <class T> GS_NOINLINE LensPoint<T> lens_point_at(Lens<T> lens, Vec3<T> 
     return p;
 }
 
+/// Returns the unit direction whose image point is (x, y), in normalised image coordinates, by Newton's method on the
+/// sphere.
+template <class T> GS_HD Vec3<T> lens_ray(const Lens<T>& lens, T x, T y) {
+    constexpr double kPi = 3.14159265358979323846;
+    if (lens.wraps()) {
+        T sa, ca, sb, cb;
+        gs_sincos((x - T(0.5)) * T(2 * kPi), sa, ca);
+        gs_sincos((y - T(0.5)) * T(kPi), sb, cb);
+        return {cb * sa, sb, cb * ca};
+    }
+    const T radius = gs_sqrt(x * x + y * y);
+    T s, c;
+    gs_sincos(gs_min(radius, T(0.9) * lens.max_angle), s, c);
+    const T side = radius > T(0) ? s / radius : T(0);
+    Vec3<T> d{x * side, y * side, c};
+    for (int i = 0; i < 12; ++i) {
+        const LensPoint<T> at = lens_point_at(lens, d, T(1));
+        const T dx = x - at.x.value, dy = y - at.y.value;
+        const T inverse = T(1) / (at.x.x * at.y.y - at.x.y * at.y.x);
+        T a = (at.y.y * dx - at.x.y * dy) * inverse, b = (at.x.x * dy - at.y.x * dx) * inverse;
+        const T step2 = a * a + b * b;
+        if (!(step2 < T(1e30))) break;
+        if (step2 > T(0.09)) {
+            const T shorter = T(0.3) / gs_sqrt(step2);
+            a = a * shorter, b = b * shorter;
+        }
+        d = at.axis + at.e1 * a + at.e2 * b;
+        d = d * (T(1) / gs_sqrt(dot(d, d)));
+        if (step2 < T(sizeof(T) == 4 ? 1e-13 : 1e-26)) break;
+    }
+    return d;
+}
+
 }  // namespace gs

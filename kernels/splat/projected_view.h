@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "kernels/base/device_array.h"
+#include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
 #include "kernels/splat/camera.h"
 #include "kernels/splat/wire_splat.h"
@@ -21,6 +22,12 @@ struct ProjectedView {
     DeviceArray<SplatPlaces> places;     ///< places of the splats for a step on a device: (Gaussians / 32, rounded up)
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
+
+/// Throws DeviceError for a camera with a lens: the shapes of splats through it are not sent between ranks.
+template <class Real> void refuse_lens_of_ranks(const CameraParams<Real>& camera) {
+    if (!camera.lens.is_pinhole())
+        throw DeviceError("several ranks render pinhole images only: use --lens undistort, or one rank");
+}
 
 /// The splats of a view in parts, one from each rank in rank order, and the sums for each of the splats.
 using SplatParts = std::vector<const DeviceArray<WireSplat>*>;

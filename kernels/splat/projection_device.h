@@ -34,6 +34,7 @@ template <class T> struct Projection {
     Sym3<T> covariance;  ///< R diag(variance) R^T, world
     T j11, j22;          ///< fx/z, fy/z
     Vec3<T> a1, a2;      ///< rows of J W
+    LensPoint<T> at{};   ///< through a lens only
     Sym2<T> cov2d;       ///< with dilation
     T det;
 };
@@ -93,7 +94,8 @@ GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& ca
 
 /// Computes the image point of the mean in p.cam through the lens, and the rows of J W.
 template <class T> GS_HD void project_through_lens(const CameraParams<T>& cam, Projection<T>& p) {
-    const LensPoint<T> at = lens_point_at(cam.lens, p.cam, p.depth);
+    p.at = lens_point_at(cam.lens, p.cam, p.depth);
+    const LensPoint<T>& at = p.at;
     p.u = at.x.value, p.v = at.y.value;
     const T inverse = T(1) / p.depth;
     const Vec3<T> w1 = cam.rotation.transposed_times(at.e1), w2 = cam.rotation.transposed_times(at.e2);
@@ -148,6 +150,35 @@ GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T thresho
                                int height_padded) {
     const Rectangle<T> r = ellipse_bounds(m, cov2d, threshold, T(width_padded), T(height_padded));
     return {int(r.x_min), int(r.x_max), int(r.y_min), int(r.y_max)};
+}
+
+/// Returns the covariance of an ellipse on screen, around the image point of the mean, that holds all pixels which a splat
+/// through a lens may reach: those whose power is at most `threshold`.
+template <class T>
+GS_HD Sym2<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p, T threshold) {
+    const T g11 = cam.fx * p.at.x.x, g12 = cam.fx * p.at.x.y, g21 = cam.fy * p.at.y.x, g22 = cam.fy * p.at.y.y;
+    const T of_g = T(1) / (g11 * g22 - g12 * g21);
+    // The largest extent in the tangent plane, radians: the trace of G^-1 S G^-T bounds its largest variance.
+    const Sym2<T>& s = p.cov2d;
+    const T v1 = (g22 * g22 * s.xx - T(2) * g22 * g12 * s.xy + g12 * g12 * s.yy) * of_g * of_g;
+    const T v2 = (g21 * g21 * s.xx - T(2) * g21 * g11 * s.xy + g11 * g11 * s.yy) * of_g * of_g;
+    const T h2 = T(2) * threshold, rho2 = h2 * (v1 + v2), rho = gs_sqrt(rho2);
+    T most = T(kMostLensExtent);
+    // Near the poles of a 360-degree image no ellipse is an outline.
+    if (cam.lens.wraps()) most = gs_min(most, T(0.7) * gs_sqrt(gs_max(T(1) - p.at.axis.y * p.at.axis.y, T(0))));
+    if (!(rho < most)) return {T(kMaxVariance2d), T(0), T(kMaxVariance2d)};
+    const auto norm2 = [](const Jet<T>& j, T focal) {
+        return focal * focal * (j.xx * j.xx + T(2) * j.xy * j.xy + j.yy * j.yy);
+    };
+    // The image point is off its linear continuation by half the second derivatives, and by terms of the third order.
+    const T bend = T(0.65) * gs_sqrt(norm2(p.at.x, cam.fx) + norm2(p.at.y, cam.fy)) * rho2 +
+                   T(2) * gs_sqrt(g11 * g11 + g12 * g12 + g21 * g21 + g22 * g22) * rho * rho2;
+    // The ellipse sqrt(h2 S) and a disc of radius `bend`, added up, lie in that of (1 + 1/t) S + (1 + t) bend^2 / h2.
+    const T half = T(0.5) * (s.xx + s.yy), apart = T(0.5) * (s.xx - s.yy);
+    const T least = gs_max(half - gs_sqrt(apart * apart + s.xy * s.xy), T(kMinDeterminant));
+    const T ratio = bend / gs_sqrt(h2 * least);  // 1/t
+    const T grow = T(1) + ratio, round = bend * bend * (T(1) + T(1) / gs_max(ratio, T(1e-6))) / h2;
+    return {grow * s.xx + round, grow * s.xy, grow * s.yy + round};
 }
 
 /// Returns the pixel rectangle in an image whose left and right borders are the same place. A rectangle across them ends
@@ -217,14 +248,26 @@ GS_HD Vec3<T> mean_backward(const CameraParams<T>& cam, const Projection<T>& p, 
     return cam.rotation.transposed_times(dp);
 }
 
-/// Returns the same through a lens. A change of the mean by r tau in the tangent plane at distance r changes the
-/// Jacobian G of the image point there by its second derivatives, and turns the plane.
+/// Returns the same through a lens; d.conic holds half of the second moments of the offsets. A change of the mean by r
+/// tau in the tangent plane at distance r changes the Jacobian G of the image point there by its second derivatives, and
+/// turns the plane.
 template <class T>
-GS_HD Vec3<T> lens_mean_backward(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& dm,
-                                       const Vec3<T>& g1, const Vec3<T>& g2) {
-    const LensPoint<T> at = lens_point_at(cam.lens, p.cam, p.depth);
+GS_HD Vec3<T> lens_mean_backward(const CameraParams<T>& cam, const Projection<T>& p, const SplatGradient<T>& d,
+                                 const Vec3<T>& g1, const Vec3<T>& g2) {
+    const LensPoint<T>& at = p.at;
     const T inverse = T(1) / p.depth;
     T along = T(0), across1 = T(0), across2 = T(0);  // gradient along the axis, and along e1 and e2
+    // Offsets are -G y, with y the part of the ray across the axis: they change with G.
+    const T of_det = T(2) / p.det, g11 = cam.fx * at.x.x, g12 = cam.fx * at.x.y, g21 = cam.fy * at.y.x,
+            g22 = cam.fy * at.y.y, of_g = T(1) / (g11 * g22 - g12 * g21);
+    const auto through_offsets = [&](const Jet<T>& j, T focal, T q1, T q2) {  // q: of_det times a row of the adjugate
+        const T c1 = d.conic.xx * q1 + d.conic.xy * q2, c2 = d.conic.xy * q1 + d.conic.yy * q2;
+        const T t1 = (g22 * c1 - g12 * c2) * of_g, t2 = (g11 * c2 - g21 * c1) * of_g;
+        across1 = across1 + focal * (j.xx * t1 + j.xy * t2);
+        across2 = across2 + focal * (j.xy * t1 + j.yy * t2);
+    };
+    through_offsets(at.x, cam.fx, of_det * p.cov2d.yy, -(of_det * p.cov2d.xy));
+    through_offsets(at.y, cam.fy, -(of_det * p.cov2d.xy), of_det * p.cov2d.xx);
     const auto add = [&](const Jet<T>& j, T focal, T dm, const Vec3<T>& g) {
         const Vec3<T> q = cam.rotation * g;
         const T q1 = dot(at.e1, q), q2 = dot(at.e2, q), qn = dot(at.axis, q);
@@ -232,8 +275,8 @@ GS_HD Vec3<T> lens_mean_backward(const CameraParams<T>& cam, const Projection<T>
         across1 = across1 + focal * (j.x * dm + (j.xx * q1 + j.xy * q2 - j.x * qn) * inverse);
         across2 = across2 + focal * (j.y * dm + (j.xy * q1 + j.yy * q2 - j.y * qn) * inverse);
     };
-    add(at.x, cam.fx, dm.x, g1);
-    add(at.y, cam.fy, dm.y, g2);
+    add(at.x, cam.fx, d.mean.x, g1);
+    add(at.y, cam.fy, d.mean.y, g2);
     return cam.rotation.transposed_times((at.axis * along + at.e1 * across1 + at.e2 * across2) * inverse);
 }
 
@@ -257,7 +300,7 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
                      p.a1.y * q1.y + p.a2.y * q2.y, p.a1.y * q1.z + p.a2.y * q2.z, p.a1.z * q1.z + p.a2.z * q2.z};
     const Vec3<T> g1 = (p.covariance * q1) * T(2), g2 = (p.covariance * q2) * T(2);
     out.mean = cam.lens.is_pinhole() ? mean_backward(cam, p, d.mean, g1, g2)
-                                     : lens_mean_backward(cam, p, d.mean, g1, g2);
+                                     : lens_mean_backward(cam, p, d, g1, g2);
 
     // Scales: dL/dvar_k = r_k^T G3 r_k with r_k the k-th column of R. Rotation matrix: 2 G3 R diag(var).
     const Mat3<T>& r = p.rotation;

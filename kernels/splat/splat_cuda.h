@@ -40,6 +40,21 @@ struct alignas(16) PackedSplat {
     }
 };
 
+/// The shape of a splat through a lens, in three 16-byte pieces as its PackedSplat, which then holds the outline.
+struct alignas(16) PackedLensShape {
+    float4 a;  ///< x, qa
+    float4 b;  ///< y, qb
+    float4 c;  ///< axis, qc
+
+    static __device__ PackedLensShape of(const LensShape<float>& s) {
+        return {make_float4(s.x.x, s.x.y, s.x.z, s.qa), make_float4(s.y.x, s.y.y, s.y.z, s.qb),
+                make_float4(s.axis.x, s.axis.y, s.axis.z, s.qc)};
+    }
+    __device__ LensShape<float> shape() const {
+        return {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}, a.w, b.w, c.w};
+    }
+};
+
 /// The tiles that overlap a pixel rectangle.
 struct TileRectangle {
     int x0, y0, width, height;

@@ -27,6 +27,14 @@ template <class P> struct FragmentShape {
     }
 };
 
+/// A splat through a lens: an ellipse in the plane that touches the sphere of directions at the mean, where its offset
+/// from a pixel's ray d is -(x.d, y.d), in the pixels of the mean's surroundings (docs/math/rasterizer.md#lenses).
+template <class P> struct LensShape {
+    Vec3<P> x, y;  ///< rows of the image point's Jacobian by the direction, pixels
+    Vec3<P> axis;  ///< direction of the mean, unit
+    P qa, qb, qc;  ///< as in FragmentShape
+};
+
 /// Returns the threshold of a splat with this opacity.
 template <class Real> GS_HD Real splat_threshold(Real opacity, Real inverse_alpha) {
     return gs_max(gs_log(inverse_alpha * opacity), Real(0));
@@ -47,7 +55,8 @@ template <class T> struct SplatGradient {
 };
 
 /// The sums of one splat over its pixels, with h = -alpha dL/dalpha. r, g and b are sums of w dL/dpixel, where w is
-/// alpha times the transmittance: with dL/dpixel = 1 they are the splat's blending weights.
+/// alpha times the transmittance: with dL/dpixel = 1 they are the splat's blending weights. Through a lens the terms of hx
+/// and hy are weighted by LensFragment::cosine, as the gradient of the mean needs them.
 template <class P> struct SplatSums {
     P h, hx, hy, hxx, hxy, hyy, r, g, b;
 

@@ -21,6 +21,14 @@ template <class Real> Real exact(double x) {
         return Real(x);
 }
 
+/// Returns a coordinate of a pixel's ray, which the device finds to a few roundings.
+template <class Real> Real ray_coordinate(double x) {
+    if constexpr (std::is_same_v<Real, Rounded>)
+        return {x, 8 * kRoundoff};
+    else
+        return Noisy::of(x, 4);
+}
+
 template <class Real> CameraParams<Real> camera_of(const CameraParams<float>& c) {
     return converted<Real>(c, [](float x) { return exact<Real>(x); });
 }
@@ -37,6 +45,8 @@ template <class Model, class Real> struct Projected {
     std::array<std::vector<Real>, kNumGroups> params;
     std::vector<Real> shared;
     std::vector<Splat<Real>> splats;
+    std::vector<LensShape<Real>> lens_shapes;  ///< through a lens only
+    std::vector<Vec3<double>> rays;            ///< of the pixels, through a lens only
     std::vector<char> visible;
     std::vector<std::vector<std::uint32_t>> lists;
 
@@ -56,6 +66,14 @@ template <class Model, class Real> struct Projected {
         }
         for (const float x : m.shared.param) shared.push_back(exact<Real>(x));
         const std::int64_t n = m.count;
+        if (!camera.lens.is_pinhole()) {
+            lens_shapes.resize(n);
+            const auto exactly = converted<double>(c, [](float x) { return double(x); });
+            for (int y = 0; y < height; ++y)
+                for (int x = 0; x < width; ++x)
+                    rays.push_back(lens_ray(exactly.lens, (x + 0.5 - exactly.cx) / exactly.fx,
+                                            (y + 0.5 - exactly.cy) / exactly.fy));
+        }
         splats.resize(n), visible.assign(n, 0), lists.resize(std::size_t(tiles_x) * tiles_y);
         std::vector<PixelBounds> bounds(n);
         std::vector<std::uint64_t> keys(n), order;
@@ -63,7 +81,10 @@ template <class Model, class Real> struct Projected {
         parallel_for_rows(n, [&](std::int64_t i) {
             Noise::start(sample, std::uint64_t(i));
             Real depth{};
-            visible[i] = make_splat(geometry(i), camera, tiles_x * kTile, tiles_y * kTile, splats[i], bounds[i], depth);
+            LensShape<Real> lens_shape;
+            visible[i] = make_splat(geometry(i), camera, tiles_x * kTile, tiles_y * kTile, splats[i], bounds[i], depth,
+                                    {}, &lens_shape);
+            if (!lens_shapes.empty()) lens_shapes[i] = lens_shape;
             if (!visible[i]) return;
             splats[i].color =
                 gaussian_color(model.appearance.activation, row3(Group::kBase, i),
@@ -105,21 +126,21 @@ template <class Model, class Real> struct Projected {
     }
     /// Returns whether a splat is too far to reach the pixel, as most of a tile are. The error of alpha is nowhere near
     /// a factor of 16.
-    bool far(const Splat<Real>& s, int x, int y) const {
-        const double dx = repeated(s, x).mean.x.v - (x + 0.5), dy = s.mean.y.v - (y + 0.5);
+    bool far(std::uint32_t i, int x, int y) const {
+        const Splat<Real>& s = splats[i];
+        if (!lens_shapes.empty()) return fragment(i, x, y).alpha.v < kMinAlpha / 16;
+        const double dx = s.mean.x.v - (x + 0.5), dy = s.mean.y.v - (y + 0.5);
         return s.opacity.v * std::exp(-0.5 * (s.a.v * dx * dx + s.c.v * dy * dy) - s.b.v * dx * dy) < kMinAlpha / 16;
     }
-    /// Returns the splat where a 360-degree image shows it nearest to the pixels of column x.
-    Splat<Real> repeated(Splat<Real> s, int x) const {
-        if (!camera.lens.wraps()) return s;
-        if (s.mean.x.v - x > width / 2)
-            s.mean.x = s.mean.x - exact<Real>(width);
-        else if (s.mean.x.v - x < -width / 2)
-            s.mean.x = s.mean.x + exact<Real>(width);
-        return s;
-    }
-    FragmentAlpha<Real> fragment(const Splat<Real>& s, int x, int y) const {
-        return fragment_alpha(FragmentShape<Real>::from(repeated(s, x)), exact<Real>(x + 0.5), exact<Real>(y + 0.5));
+    LensFragment<Real> fragment(std::uint32_t i, int x, int y) const {
+        const Splat<Real>& s = splats[i];
+        if (!lens_shapes.empty()) {
+            const Vec3<double>& d = rays[std::size_t(y) * width + x];
+            return lens_fragment_alpha<Real, Real>(
+                lens_shapes[i], s.opacity,
+                {ray_coordinate<Real>(d.x), ray_coordinate<Real>(d.y), ray_coordinate<Real>(d.z)});
+        }
+        return {fragment_alpha(FragmentShape<Real>::from(s), exact<Real>(x + 0.5), exact<Real>(y + 0.5)), exact<Real>(1)};
     }
     template <class Pixel> void for_pixels(int tile, Pixel&& pixel) const {
         const int x0 = tile % tiles_x * kTile, y0 = tile / tiles_x * kTile;
@@ -146,8 +167,8 @@ template <class Model> RenderReference bounded_render(const Gaussians& model, co
             for (const std::uint32_t i : scene.lists[tile]) {
                 if (!may_be_at_least(p.t, kMinTransmittance)) break;
                 const Splat<Rounded>& s = scene.splats[i];
-                if (scene.far(s, x, y)) continue;
-                const Rounded alpha = scene.fragment(s, x, y).alpha;
+                if (scene.far(i, x, y)) continue;
+                const Rounded alpha = scene.fragment(i, x, y).alpha;
                 if (!may_be_at_least(alpha, kMinAlpha)) continue;
                 const bool sure = certain(alpha, kMinAlpha) && certain(p.t, kMinTransmittance);
                 const double w = p.t.v * alpha.v;
@@ -332,8 +353,8 @@ template <class Model> class Sample {
                 for (const std::uint32_t i : scene_.lists[tile]) {
                     if (p.t.v < kMinTransmittance) break;
                     const Splat<Noisy>& s = scene_.splats[i];
-                    if (!scene_.far(s, x, y))
-                        blend_fragment<Noisy, Noisy>(p, scene_.fragment(s, x, y).alpha, s.color.x, s.color.y,
+                    if (!scene_.far(i, x, y))
+                        blend_fragment<Noisy, Noisy>(p, scene_.fragment(i, x, y).alpha, s.color.x, s.color.y,
                                                      s.color.z);
                 }
                 const std::size_t at = std::size_t(y) * scene_.width + x;
@@ -391,14 +412,14 @@ template <class Model> class Sample {
         for (std::size_t k = 0; k < list.size(); ++k) {
             if (p.t.v < kMinTransmittance) break;
             const Splat<Noisy>& s = scene_.splats[list[k]];
-            if (scene_.far(s, x, y)) continue;
-            const FragmentAlpha<Noisy> f = scene_.fragment(s, x, y);
+            if (scene_.far(list[k], x, y)) continue;
+            const LensFragment<Noisy> f = scene_.fragment(list[k], x, y);
             const FragmentGradient<Noisy> d =
                 fragment_gradient<Noisy, Noisy>(p, f.alpha, color_gradient(p, s.color.x, s.color.y, s.color.z));
             const double h = d.h.v, dx = f.dx.v, dy = f.dy.v, size = std::abs(h), X = std::abs(dx),
                          Y = std::abs(dy) + kMomentShift;
             Sum* to = sums[k].s;
-            to[0].add(h, size), to[1].add(h * dx, size * X), to[2].add(h * dy, size * Y);
+            to[0].add(h, size), to[1].add(h * dx * f.cosine.v, size * X), to[2].add(h * dy * f.cosine.v, size * Y);
             to[3].add(h * dx * dx, size * X * X), to[4].add(h * dx * dy, size * X * Y),
                 to[5].add(h * dy * dy, size * Y * Y);
             to[6].add(d.w.v * p.gr.v, std::abs(d.w.v * p.gr.v)), to[7].add(d.w.v * p.gg.v, std::abs(d.w.v * p.gg.v));
