@@ -282,9 +282,10 @@ void add_camera_options(CLI::App& command, RenderArguments& arguments) {
                        "more at the sides (default: the cameras' own)");
     CLI::Option* lens =
         command
-            .add_option("--lens", arguments.lens,
-                        "Lens of the pictures: pinhole, fisheye (equidistant, 1024x1024 unless --size says otherwise) or "
-                        "equirectangular (360 degrees, 2048x1024; default: the cameras' own)")
+            .add_option(
+                "--lens", arguments.lens,
+                "Lens of the pictures: pinhole, fisheye (equidistant, 1024x1024 unless --size says otherwise) or "
+                "equirectangular (360 degrees, 2048x1024; default: the cameras' own)")
             ->check(CLI::IsMember({"pinhole", "fisheye", "equirectangular"}));
     command.add_option("--lens-fov", arguments.lens_fov, "Degrees that a fisheye picture shows across its width")
         ->check(CLI::Range(1.0, kMostFov))

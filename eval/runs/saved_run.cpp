@@ -116,7 +116,8 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
 
 Scene load_scene_of(SavedModel& model, const TrainOptions& options, const RunChanges& changes) {
     const LoadRules rules{.frame = model.frame, .scores = changes.scores};
-    const bool may_differ = is_point_cloud(options.model) || (changes.other_scene && (!changes.source.empty() || changes.lens));
+    const bool may_differ =
+        is_point_cloud(options.model) || (changes.other_scene && (!changes.source.empty() || changes.lens));
     Scene scene = may_differ ? load_scene(options, rules) : load_run_scene(options.model, options, rules);
     if (!model.frame) {
         bring_into_frame(model.state, scene.frame);

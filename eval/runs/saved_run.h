@@ -54,8 +54,8 @@ struct RunChanges {
     std::string source = {};
     std::optional<Device> device = {};
     std::optional<LensMode> lens = {};  ///< with other_scene: how photographs are used that are no pinhole's
-    bool scores = false;       ///< SceneOptions::scores
-    bool other_scene = false;  ///< whether `source` may be a different scene than the run was trained on
+    bool scores = false;                ///< SceneOptions::scores
+    bool other_scene = false;           ///< whether `source` may be a different scene than the run was trained on
     /// Options for point clouds without a run; if empty, such point clouds are refused. `source` and `device` of this
     /// struct apply to them, too.
     std::optional<TrainOptions> point_cloud = {};

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "lib/scene/camera_params.h"
+#include "lib/scene/resized.h"
 
 namespace gs {
 namespace {
@@ -29,7 +30,7 @@ std::vector<float> view_scores(SavedRun& run, const Gaussians& model) {
     if (views.empty()) return {};
     std::vector<RenderRequest> requests;
     for (const View& view : spread_views(views, kScoredViews))
-        requests.push_back({.camera = camera_params(view.camera), .background = run.background});
+        requests.push_back({.camera = camera_params(without_lens(view.camera)), .background = run.background});
     run.backend->upload(model);
     return run.backend->scores(requests);
 }

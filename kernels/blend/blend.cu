@@ -90,8 +90,8 @@ constexpr int kGroups = kChunk / 32;  ///< groups of 32 splats, one word of bits
 constexpr int kMostAtOnce = 8;        ///< splats that a warp takes from its list at a time
 
 struct BlockMemory {
-    PackedSplat splats[2][kChunk];  ///< splats of a chunk, and of the next one
-    PackedSplat nothing;            ///< padding splat that changes no pixel
+    PackedSplat splats[2][kChunk];                                ///< splats of a chunk, and of the next one
+    PackedSplat nothing;                                          ///< padding splat that changes no pixel
     unsigned reached[2][kGroups][kSubTiles];                      ///< bits of 32 splats that reach a sub-tile
     alignas(16) unsigned lists[kSubTiles][kChunk + kMostAtOnce];  ///< the same as addresses in shared memory
     unsigned processed, pairs;  ///< instances until all pixels of the block were finished; pixels times hits
@@ -303,9 +303,9 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
                 for (int u = 0; u < kAtOnce; ++u) {
                     s[u] = load_splat(places[u]);
                     if constexpr (kLens)
-                        alpha[u] = lens_fragment_alpha<float, float>(load_lens_shape(places[u] + to_lens), s[u].opacity,
-                                                                     ray)
-                                       .alpha;
+                        alpha[u] =
+                            lens_fragment_alpha<float, float>(load_lens_shape(places[u] + to_lens), s[u].opacity, ray)
+                                .alpha;
                     else
                         alpha[u] = fragment_alpha(s[u].shape(), px, py).alpha;
                 }

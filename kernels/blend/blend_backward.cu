@@ -35,8 +35,8 @@ struct WarpMemory {
 
 /// What a warp has in addition through a lens.
 struct LensMemory {
-    float4 rays[kSubY][kSubX];                                ///< of the pixels
-    float4 batch[kBatch / kOwn][WarpMemory::kSplatStride];    ///< shapes, in the layout of PackedLensShape
+    float4 rays[kSubY][kSubX];                              ///< of the pixels
+    float4 batch[kBatch / kOwn][WarpMemory::kSplatStride];  ///< shapes, in the layout of PackedLensShape
 };
 struct NoLensMemory {};
 template <class Lens> inline constexpr bool kIsLens = std::is_same_v<Lens, LensMemory>;
@@ -86,7 +86,9 @@ struct HalfLensShape {
     HalfLensShape() = default;
     __device__ HalfLensShape(const PackedLensShape& from, int half)
         : row((&from.a)[half]), rest(reinterpret_cast<const float2*>(&from.c)[half]) {}
-    __device__ void store(float4* to, int half) const { to[half] = row, reinterpret_cast<float2*>(&to[2])[half] = rest; }
+    __device__ void store(float4* to, int half) const {
+        to[half] = row, reinterpret_cast<float2*>(&to[2])[half] = rest;
+    }
 };
 
 /// Values of the lanes in a column, combined over the lanes before this one, and over all four.
@@ -153,9 +155,8 @@ __device__ inline Vec3<float> ray_of(const LensMemory& lens, int y, int column) 
 /// belongs to the splat that this lane shares with its neighbour.
 template <bool kFixedOrder, class Lens>
 __device__ void add_gradients(WarpMemory& memory, const Lens& lens, const float (&h)[kSubY][kOwn],
-                              const float (&w)[kSubY][kOwn],
-                              float px, float centre_y, std::uint32_t target, int sub_tile, int lane,
-                              PackedSums* __restrict__ sums) {
+                              const float (&w)[kSubY][kOwn], float px, float centre_y, std::uint32_t target,
+                              int sub_tile, int lane, PackedSums* __restrict__ sums) {
     const auto [column, group] = LaneOf(lane);
     float blue[kOwn];
 #pragma unroll
@@ -333,13 +334,13 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
                 const float4 g = memory.pixels[y][column];
                 float of_pixel;
                 if constexpr (kIsLens<Lens>)
-                    of_pixel = lens_fragment_alpha<float, float>(lens_shape_of(lens, group, i), b.y,
-                                                                 ray_of(lens, y, column))
-                                   .alpha;
+                    of_pixel =
+                        lens_fragment_alpha<float, float>(lens_shape_of(lens, group, i), b.y, ray_of(lens, y, column))
+                            .alpha;
                 else
-                    of_pixel = fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, px,
-                                              corner.y + y + 0.5f)
-                                   .alpha;
+                    of_pixel =
+                        fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, px, corner.y + y + 0.5f)
+                            .alpha;
                 alpha[y][i] = of_pixel >= image.cutoffs.alpha ? of_pixel : 0;
                 slope[y][i] = color_gradient(PixelBackward<float>{.gr = g.x, .gg = g.y, .gb = g.z}, b.w, c.x, c.y);
             }
@@ -370,7 +371,8 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
         } else {
             pass(std::false_type{});
         }
-        add_gradients<kFixedOrder>(memory, lens, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile, lane, sums);
+        add_gradients<kFixedOrder>(memory, lens, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile, lane,
+                                   sums);
         target = next;
     }
     __syncwarp();  // before the next chunk overwrites data that slower lanes may still read
@@ -403,8 +405,8 @@ __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
         const unsigned next = take();  // loads during the first sub-tile, and its chunk during the second
 #pragma unroll 1
         for (int k = 0; k < 2; ++k) {
-            walk_chunk<kFixedOrder>(memories[warp], lenses[warp], chunk, first + k, bins, splats, image, dL_dimage, trail,
-                                    std::uint32_t(control->num_instances), sums);
+            walk_chunk<kFixedOrder>(memories[warp], lenses[warp], chunk, first + k, bins, splats, image, dL_dimage,
+                                    trail, std::uint32_t(control->num_instances), sums);
             if (k == 0) item = __shfl_sync(~0u, next, 0), word = word_of(item);
         }
     }

@@ -22,7 +22,7 @@ template <class Real> struct TileInput {
     const Splat<Real>* splats;  ///< splats of all Gaussians
     Vec3<Real> background;
     Cutoffs<Real> cutoffs;
-    Real period = 0;  ///< as in CameraParams
+    Real period = 0;                               ///< as in CameraParams
     const LensShape<Real>* lens_shapes = nullptr;  ///< of all Gaussians, through a lens; else null
     const Real* rays = nullptr;                    ///< (3,H,W) unit rays of the pixels, through a lens
 
@@ -196,9 +196,8 @@ void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, 
             const int block = __builtin_ctz(mask), at = block * kLanes;
             PixelBackward<L> p{L::load(t + at),  L::load(behind + at), L::load(gr + at),
                                L::load(gg + at), L::load(gb + at),     L::load(background + at)};
-            fragments.in_block(block, [&](const auto& f) {
-                blend_fragment_backward<L, Real>(p, f, cr, cg, cb, in.cutoffs, sum);
-            });
+            fragments.in_block(
+                block, [&](const auto& f) { blend_fragment_backward<L, Real>(p, f, cr, cg, cb, in.cutoffs, sum); });
             p.t.store(t + at);
             p.behind.store(behind + at);
         }

@@ -34,7 +34,8 @@ template <class P> struct LensFragment : FragmentAlpha<P> {
 };
 
 /// Returns alpha of a splat at the unit ray of a pixel. A splat does not reach the other half of the sphere.
-template <class P, class T> GS_HD LensFragment<P> lens_fragment_alpha(const LensShape<P>& s, P opacity, const Vec3<P>& ray) {
+template <class P, class T>
+GS_HD LensFragment<P> lens_fragment_alpha(const LensShape<P>& s, P opacity, const Vec3<P>& ray) {
     const P dx = -gs_fma(s.x.x, ray.x, gs_fma(s.x.y, ray.y, s.x.z * ray.z));
     const P dy = -gs_fma(s.y.x, ray.x, gs_fma(s.y.y, ray.y, s.y.z * ray.z));
     const P cosine = gs_fma(s.axis.x, ray.x, gs_fma(s.axis.y, ray.y, s.axis.z * ray.z));
@@ -166,8 +167,8 @@ GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const 
 
 /// Adds one fragment to the sums of its splat. Fragment is FragmentAlpha or LensFragment.
 template <class P, class T, class Fragment>
-GS_HD void blend_fragment_backward(PixelBackward<P>& s, const Fragment& f, P cr, P cg, P cb,
-                                   const Cutoffs<T>& cutoffs, SplatSums<P>& sum) {
+GS_HD void blend_fragment_backward(PixelBackward<P>& s, const Fragment& f, P cr, P cg, P cb, const Cutoffs<T>& cutoffs,
+                                   SplatSums<P>& sum) {
     const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, color_gradient(s, cr, cg, cb), cutoffs);
     const P hx = d.h * f.dx, hy = d.h * f.dy;
     sum.h = sum.h + d.h;

@@ -112,9 +112,9 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         float of_lane = 0;  // sum of the lane-th splat
         for (int k = 0; k < count; ++k) {
             const Vec3<float> color = batch.splats[k].color();
-            const float sum = warp_sum(fragment_score<float, float>(p, batch.alpha(k, px, py, ray),
-                                                                    batch.splats[k].shape().opacity,
-                                                                    color.x + color.y + color.z, image.cutoffs));
+            const float sum =
+                warp_sum(fragment_score<float, float>(p, batch.alpha(k, px, py, ray), batch.splats[k].shape().opacity,
+                                                      color.x + color.y + color.z, image.cutoffs));
             if (lane == k) of_lane = sum;
         }
         if (lane < count) {

@@ -343,7 +343,7 @@ PreprocessArgs CudaEngine::preprocess_args(const CameraParams<float>& camera, Re
             {},
             {},
             nullptr,
-            lens_shapes_};
+            nullptr};
 }
 
 PreprocessArgs CudaEngine::frame_args(const RenderRequest& r) {
@@ -372,8 +372,9 @@ void CudaEngine::begin_lens(const CameraParams<float>& camera, std::int64_t n) {
 }
 
 BlendImage CudaEngine::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
-    return {camera.width, camera.height, background, image_, transmittance_, cutoffs_,
-            camera.period(), lens_shapes_,  lens_shapes_ ? lens_rays_.get() : nullptr};
+    return {camera.width,    camera.height,  background,
+            image_,          transmittance_, cutoffs_,
+            camera.period(), lens_shapes_,   lens_shapes_ ? lens_rays_.get() : nullptr};
 }
 
 CudaBins CudaEngine::enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
@@ -396,6 +397,7 @@ CudaBins CudaEngine::enqueue_forward(PreprocessArgs& args, Vec3<float> backgroun
     const auto complete = [&] {
         args.shared = {model_.shared_prepared.get(), shared_sums_};
         args.separate = separate_;
+        args.lens_shapes = lens_shapes_;
     };
     const auto fill = [&] {
         complete();

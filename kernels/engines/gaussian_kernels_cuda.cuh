@@ -107,8 +107,8 @@ __global__ void __launch_bounds__(kForwardBlock, kForwardBlocksAtOnce)
     bool valid = i < a.params.count;
     if (valid) {
         LensShape<float> lens_shape;
-        valid = make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs,
-                           &lens_shape);
+        valid = make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth,
+                           a.cutoffs, &lens_shape);
         if (a.lens_shapes && valid) a.lens_shapes[i] = PackedLensShape::of(lens_shape);
     }
     // Residuals and colours load while tiles are tested. Nearly all Gaussians that reach this point touch a tile.

@@ -72,7 +72,8 @@ __global__ void __launch_bounds__(kWireBlock)
         s = mine.splat(inverse_alpha);
         b = mine.bounds(height_padded);
     }
-    const TileTest tiles = test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min, width_padded / kCudaTileX);
+    const TileTest tiles =
+        test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min, width_padded / kCudaTileX);
     if (exists) place_splat(first + k, s, b, tiles, depth_key, mine.depth, splats, out);
 }
 

@@ -67,8 +67,8 @@ GS_HD LensShape<Real> set_outline(Splat<Real>& s, const CameraParams<Real>& came
 /// a tile. Through a lens, writes the shape to `lens_shape`, and the splat holds its outline on screen.
 template <class Real>
 GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded,
-                      int height_padded, Splat<Real>& s, PixelBounds& bounds, Real& depth,
-                      const Cutoffs<Real>& cutoffs, LensShape<Real>* lens_shape) {
+                      int height_padded, Splat<Real>& s, PixelBounds& bounds, Real& depth, const Cutoffs<Real>& cutoffs,
+                      LensShape<Real>* lens_shape) {
     if (!(sigmoid(g.raw_opacity) >= cutoffs.alpha)) return false;
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return false;
@@ -77,9 +77,9 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
     s.threshold = splat_threshold(s.opacity, cutoffs.inverse_alpha);
     if (!camera.lens.is_pinhole()) *lens_shape = set_outline(s, camera, p);
-    bounds = camera.lens.wraps() ? wrapped_bounds(s.mean, p.cov2d, touch_threshold(s), camera.width, width_padded,
-                                                  height_padded)
-                                 : pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);
+    bounds = camera.lens.wraps()
+                 ? wrapped_bounds(s.mean, p.cov2d, touch_threshold(s), camera.width, width_padded, height_padded)
+                 : pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;
 }
 

@@ -46,8 +46,8 @@ template <class Real>
 unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, const ViewLanes<Real>& view,
                      SplatLanes<Real>& out);
 
-/// Adds the tiles that a splat touches, row by row. Returns their number. Bounds beyond the last tile of a row are those
-/// of wrapped_bounds().
+/// Adds the tiles that a splat touches, row by row. Returns their number. Bounds beyond the last tile of a row are
+/// those of wrapped_bounds().
 template <class Real>
 std::uint32_t add_tiles(const Splat<Real>& s, const PixelBounds& bounds, int tiles_x,
                         std::vector<std::uint32_t>& tiles);

@@ -10,11 +10,11 @@ namespace gs {
 /// A camera, with a lens or without. World space is right-handed; the camera's x points right, y down, z forward; pixel
 /// centres are at .5 (docs/math/rasterizer.md#conventions).
 template <class T> struct CameraParams {
-    Mat3<T> rotation;       ///< rotation of cam_from_world
-    Vec3<T> translation;    ///< translation of cam_from_world, frame units
-    Vec3<T> position;       ///< camera centre in the world: -R^T t
-    T fx, fy, cx, cy;       ///< pixels; the principal point is measured from the image corner
-    int width, height;      ///< pixels
+    Mat3<T> rotation;     ///< rotation of cam_from_world
+    Vec3<T> translation;  ///< translation of cam_from_world, frame units
+    Vec3<T> position;     ///< camera centre in the world: -R^T t
+    T fx, fy, cx, cy;     ///< pixels; the principal point is measured from the image corner
+    int width, height;    ///< pixels
     /// Gaussians nearer than this are culled, in frame units: by the camera's z, or with a lens by their distance.
     T near_plane = T(0.2);
     T far_plane = T(10000);

@@ -52,9 +52,7 @@ template <class T> struct Lens {
     GS_HD bool wraps() const { return model == CameraModel::kEquirectangular; }
     /// Returns whether a Gaussian at a point of camera space is drawn: those too far beyond the edge of the image are
     /// not.
-    GS_HD bool reaches(const Vec3<T>& point, T distance) const {
-        return wraps() || point.z >= cos_drawn * distance;
-    }
+    GS_HD bool reaches(const Vec3<T>& point, T distance) const { return wraps() || point.z >= cos_drawn * distance; }
 };
 
 /// Returns the sum of k[i] s^(i+1).
@@ -176,11 +174,11 @@ template <class T, class S> GS_HD Vec2<S> distort_direction(const Lens<T>& lens,
 template <class T, class S> GS_HD Vec2<S> lens_point(const Lens<T>& lens, const Vec3<S>& d) {
     const T z = value_of(d.z);
     const T norm2 = value_of(d.x) * value_of(d.x) + value_of(d.y) * value_of(d.y) + z * z;
-    if (lens.wraps() || z >= gs_sqrt(norm2) * lens.cos_max)
-        return distort_direction(lens, d);
+    if (lens.wraps() || z >= gs_sqrt(norm2) * lens.cos_max) return distort_direction(lens, d);
     const S rho = gs_sqrt(d.x * d.x + d.y * d.y), inverse = gs_inverse(rho);
     const S ux = d.x * inverse, uy = d.y * inverse;
-    const Vec2<S> edge = distort_direction(lens, Vec3<S>{ux * lens.sin_max, uy * lens.sin_max, rho * T(0) + lens.cos_max});
+    const Vec2<S> edge =
+        distort_direction(lens, Vec3<S>{ux * lens.sin_max, uy * lens.sin_max, rho * T(0) + lens.cos_max});
     const S beyond = (gs_atan2(rho, d.z) + (-lens.max_angle)) * lens.slope;
     return {edge.x + ux * beyond, edge.y + uy * beyond};
 }
@@ -205,8 +203,9 @@ template <class T> GS_NOINLINE LensPoint<T> lens_point_at(Lens<T> lens, Vec3<T> 
     p.axis = point * (T(1) / distance);
     tangent_basis(p.axis, p.e1, p.e2);
     using J = Jet<T>;
-    const Vec2<J> at = lens_point(lens, Vec3<J>{J::linear(p.axis.x, p.e1.x, p.e2.x), J::linear(p.axis.y, p.e1.y, p.e2.y),
-                                                J::linear(p.axis.z, p.e1.z, p.e2.z)});
+    const Vec2<J> at =
+        lens_point(lens, Vec3<J>{J::linear(p.axis.x, p.e1.x, p.e2.x), J::linear(p.axis.y, p.e1.y, p.e2.y),
+                                 J::linear(p.axis.z, p.e1.z, p.e2.z)});
     p.x = at.x, p.y = at.y;
     return p;
 }

@@ -26,7 +26,7 @@ struct ProjectedView {
 /// Throws DeviceError for a camera with a lens: the shapes of splats through it are not sent between ranks.
 template <class Real> void refuse_lens_of_ranks(const CameraParams<Real>& camera) {
     if (!camera.lens.is_pinhole())
-        throw DeviceError("several ranks render pinhole images only: use --lens undistort, or one rank");
+        throw DeviceError("--ranks and --batch above 1 take pinhole images only: use --lens undistort");
 }
 
 /// The splats of a view in parts, one from each rank in rank order, and the sums for each of the splats.

@@ -152,10 +152,9 @@ GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T thresho
     return {int(r.x_min), int(r.x_max), int(r.y_min), int(r.y_max)};
 }
 
-/// Returns the covariance of an ellipse on screen, around the image point of the mean, that holds all pixels which a splat
-/// through a lens may reach: those whose power is at most `threshold`.
-template <class T>
-GS_HD Sym2<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p, T threshold) {
+/// Returns the covariance of an ellipse on screen, around the image point of the mean, that holds all pixels which a
+/// splat through a lens may reach: those whose power is at most `threshold`.
+template <class T> GS_HD Sym2<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p, T threshold) {
     const T g11 = cam.fx * p.at.x.x, g12 = cam.fx * p.at.x.y, g21 = cam.fy * p.at.y.x, g22 = cam.fy * p.at.y.y;
     const T of_g = T(1) / (g11 * g22 - g12 * g21);
     // The largest extent in the tangent plane, radians: the trace of G^-1 S G^-T bounds its largest variance.
@@ -181,8 +180,8 @@ GS_HD Sym2<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p, T
     return {grow * s.xx + round, grow * s.xy, grow * s.yy + round};
 }
 
-/// Returns the pixel rectangle in an image whose left and right borders are the same place. A rectangle across them ends
-/// beyond width_padded, and stands for all of its tiles, with x modulo the number of tiles in a row.
+/// Returns the pixel rectangle in an image whose left and right borders are the same place. A rectangle across them
+/// ends beyond width_padded, and stands for all of its tiles, with x modulo the number of tiles in a row.
 template <class T>
 GS_HD PixelBounds wrapped_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T threshold, int width, int width_padded,
                                  int height_padded) {
@@ -230,7 +229,8 @@ template <class T> struct GeometryGradient {
     T raw_opacity;
 };
 
-/// Returns the gradient of the mean from those of the image point, dm, and of the rows of J W, g1 and g2, for a pinhole.
+/// Returns the gradient of the mean from those of the image point, dm, and of the rows of J W, g1 and g2, for a
+/// pinhole.
 template <class T>
 GS_HD Vec3<T> mean_backward(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& dm, const Vec3<T>& g1,
                             const Vec3<T>& g2) {
@@ -249,8 +249,8 @@ GS_HD Vec3<T> mean_backward(const CameraParams<T>& cam, const Projection<T>& p, 
 }
 
 /// Returns the same through a lens; d.conic holds half of the second moments of the offsets. A change of the mean by r
-/// tau in the tangent plane at distance r changes the Jacobian G of the image point there by its second derivatives, and
-/// turns the plane.
+/// tau in the tangent plane at distance r changes the Jacobian G of the image point there by its second derivatives,
+/// and turns the plane.
 template <class T>
 GS_HD Vec3<T> lens_mean_backward(const CameraParams<T>& cam, const Projection<T>& p, const SplatGradient<T>& d,
                                  const Vec3<T>& g1, const Vec3<T>& g2) {
@@ -299,8 +299,7 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
     const Sym3<T> g3{p.a1.x * q1.x + p.a2.x * q2.x, p.a1.x * q1.y + p.a2.x * q2.y, p.a1.x * q1.z + p.a2.x * q2.z,
                      p.a1.y * q1.y + p.a2.y * q2.y, p.a1.y * q1.z + p.a2.y * q2.z, p.a1.z * q1.z + p.a2.z * q2.z};
     const Vec3<T> g1 = (p.covariance * q1) * T(2), g2 = (p.covariance * q2) * T(2);
-    out.mean = cam.lens.is_pinhole() ? mean_backward(cam, p, d.mean, g1, g2)
-                                     : lens_mean_backward(cam, p, d, g1, g2);
+    out.mean = cam.lens.is_pinhole() ? mean_backward(cam, p, d.mean, g1, g2) : lens_mean_backward(cam, p, d, g1, g2);
 
     // Scales: dL/dvar_k = r_k^T G3 r_k with r_k the k-th column of R. Rotation matrix: 2 G3 R diag(var).
     const Mat3<T>& r = p.rotation;

@@ -55,8 +55,8 @@ template <class T> struct SplatGradient {
 };
 
 /// The sums of one splat over its pixels, with h = -alpha dL/dalpha. r, g and b are sums of w dL/dpixel, where w is
-/// alpha times the transmittance: with dL/dpixel = 1 they are the splat's blending weights. Through a lens the terms of hx
-/// and hy are weighted by LensFragment::cosine, as the gradient of the mean needs them.
+/// alpha times the transmittance: with dL/dpixel = 1 they are the splat's blending weights. Through a lens the terms of
+/// hx and hy are weighted by LensFragment::cosine, as the gradient of the mean needs them.
 template <class P> struct SplatSums {
     P h, hx, hy, hxx, hxy, hyy, r, g, b;
 

@@ -40,8 +40,8 @@ enum class MaskMode { kIgnore, kTransparent };
 /// The meaning of the photographs' alpha channel; kTransparent: opacity over the background, kMask: weights of the
 /// loss.
 enum class AlphaMode { kTransparent, kMask };
-/// The treatment of photographs whose lens is no pinhole; kNative: they are used as they are, kUndistort: resampled to a
-/// pinhole image, kAuto: as they are where a pinhole image would lose a part of them.
+/// The treatment of photographs whose lens is no pinhole; kNative: they are used as they are, kUndistort: resampled to
+/// a pinhole image, kAuto: as they are where a pinhole image would lose a part of them.
 enum class LensMode { kAuto, kNative, kUndistort };
 /// The precision of the appearance residual when rendering.
 enum class AppearanceStorage { kFp32, kFp16 };
@@ -63,8 +63,7 @@ template <> inline constexpr auto kWordsOf<Device> = std::to_array<std::string_v
 template <> inline constexpr auto kWordsOf<PpispMode> = std::to_array<std::string_view>({"off", "on", "auto"});
 template <> inline constexpr auto kWordsOf<VerifyImages> = std::to_array<std::string_view>({"auto", "on", "off"});
 template <> inline constexpr auto kWordsOf<MaskMode> = std::to_array<std::string_view>({"ignore", "transparent"});
-template <> inline constexpr auto kWordsOf<LensMode> =
-    std::to_array<std::string_view>({"auto", "native", "undistort"});
+template <> inline constexpr auto kWordsOf<LensMode> = std::to_array<std::string_view>({"auto", "native", "undistort"});
 template <> inline constexpr auto kWordsOf<AlphaMode> = std::to_array<std::string_view>({"transparent", "mask"});
 template <> inline constexpr auto kWordsOf<AppearanceStorage> = std::to_array<std::string_view>({"fp32", "fp16"});
 template <> inline constexpr auto kWordsOf<Movers> = std::to_array<std::string_view>({"all", "visible"});

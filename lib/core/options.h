@@ -25,8 +25,8 @@ template <class... T> using FieldOf = std::variant<T TrainOptions::*..., ModelOp
 using OptionField = FieldOf<std::string, bool, int, std::optional<int>, std::int64_t, std::optional<std::int64_t>,
                             std::uint64_t, double, std::optional<double>, std::optional<Duration>, ByteCount,
                             std::optional<ByteCount>, std::vector<std::int64_t>, Background, ScheduleKind, GrowthBy,
-                            Recipe, Preset, SizeOf, Strategy, Device, PpispMode, VerifyImages, MaskMode, LensMode, AlphaMode,
-                            AppearanceStorage, AppearanceMoments, Movers, ColorActivation>;
+                            Recipe, Preset, SizeOf, Strategy, Device, PpispMode, VerifyImages, MaskMode, LensMode,
+                            AlphaMode, AppearanceStorage, AppearanceMoments, Movers, ColorActivation>;
 
 /// Returns the value of `field` in `options`.
 template <class T> const T& option_value(const TrainOptions& options, T TrainOptions::*field) { return options.*field; }

@@ -100,8 +100,9 @@ std::vector<Option> input_options() {
             .path()
             .of(Scope::kScene),
         choice("lens", &O::lens,
-               "photographs of lenses that are no pinholes: native = use them as they are, undistort = resample them to "
-               "pinhole images, auto = native where a pinhole image would lose a part of them")
+               "photographs of lenses that are no pinholes: undistort = resample them to pinhole images, native = use "
+               "them as "
+               "they are, auto = native only where there is no pinhole image, as of 180 degrees")
             .of(Scope::kScene)
             .basic(),
         choice("mask-mode", &O::mask_mode,

@@ -129,13 +129,14 @@ std::optional<Vector3d> undistort(const LensCamera& camera, const Vector2d& xy) 
 
 /// The image point of a direction and how it changes with it.
 struct DirectionMap {
-    Vector2d value;        ///< normalised image coordinates
-    double determinant;    ///< of the Jacobian by the direction; positive where the lens is one to one
-    double radial;         ///< growth of the distance from the image point of the axis, per radian
+    Vector2d value;      ///< normalised image coordinates
+    double determinant;  ///< of the Jacobian by the direction; positive where the lens is one to one
+    double radial;       ///< growth of the distance from the image point of the axis, per radian
 };
 
 /// Returns nothing outside the model's domain.
-std::optional<DirectionMap> map_direction(const LensCamera& camera, const Lens<double>& lens, const Vector3d& direction) {
+std::optional<DirectionMap> map_direction(const LensCamera& camera, const Lens<double>& lens,
+                                          const Vector3d& direction) {
     if ((is_plane_polynomial(camera.model) || is_pinhole(camera)) && !(direction.z() > 0)) return {};
     const Vector3d n = direction.normalized();
     if (camera.model == M::kSimpleDivision || camera.model == M::kDivision) {
@@ -217,12 +218,13 @@ LensRange lens_range(const LensCamera& camera) {
     const Lens<double> lens = kernel_lens<double>(camera, {});
     constexpr int kPlanes = 32, kSteps = 180;
     constexpr double kStep = std::numbers::pi / kSteps, kMargin = 0.15;
+    // Near its fold a lens squeezes ever larger angles into a pixel, which no splat is made for.
+    constexpr double kLeastSlope = 0.4;
     const auto at = [&](int plane, double angle) {
         const double azimuth = 2 * std::numbers::pi * (plane + 0.5) / kPlanes;
-        const auto map = map_direction(camera, lens,
-                                       {std::sin(angle) * std::cos(azimuth), std::sin(angle) * std::sin(azimuth),
-                                        std::cos(angle)});
-        return map && map->determinant > 0 && map->radial > 0 ? map : std::nullopt;
+        const auto map = map_direction(
+            camera, lens, {std::sin(angle) * std::cos(azimuth), std::sin(angle) * std::sin(azimuth), std::cos(angle)});
+        return map && map->determinant > 0 && map->radial >= kLeastSlope ? map : std::nullopt;
     };
     const auto in_image = [&](const DirectionMap& map) {
         const double x = camera.fx * map.value.x() + camera.cx, y = camera.fy * map.value.y() + camera.cy;
@@ -243,9 +245,11 @@ LensRange lens_range(const LensCamera& camera) {
             break;
         }
     }
-    LensRange range{std::min(fold, reach), 0, fold < reach};
+    const bool folds = fold < reach + kStep;  // the last step that is seen may end before the fold
+    LensRange range{folds ? fold : reach, 0, folds};
     for (int plane = 0; plane < kPlanes; ++plane)
         if (const auto map = at(plane, range.max_angle)) range.slope += map->radial / kPlanes;
+    range.slope = std::max(range.slope, kLeastSlope);
     return range;
 }
 

@@ -50,12 +50,12 @@ LensCamera scaled_to(const LensCamera& lens, int width, int height);
 /// Returns true if the lens maps straight lines to straight lines, so that no undistortion is needed.
 bool is_pinhole(const LensCamera& lens);
 
-/// The part of a lens that is used: the largest circle around the axis on which it is one to one, as far as the image
-/// reaches.
+/// The part of a lens that is used: the largest circle around the axis on which it is one to one, and on which a radian
+/// away from the axis takes at least 0.4 focal lengths of the image, as far as the image reaches.
 struct LensRange {
-    double max_angle = 0;   ///< largest angle to the axis, radians
-    double slope = 0;       ///< growth of the normalised image coordinates there, per radian
-    bool folds = false;     ///< whether the image reaches beyond, where the distortion folds back
+    double max_angle = 0;  ///< largest angle to the axis, radians
+    double slope = 0;      ///< growth of the normalised image coordinates there, per radian
+    bool folds = false;    ///< whether the image reaches beyond, where the distortion squeezes it or folds it back
 };
 
 /// Finds the range of a lens from its projection along 32 half planes through the axis, to 1e-6 radians. max_angle is 0

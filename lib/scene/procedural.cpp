@@ -78,8 +78,7 @@ PointCloud sample_points(const Description& description, const Camera& lens) {
     const std::uint32_t attempts = 20u * std::uint32_t(description.points);
     for (std::uint32_t i = 0; i < attempts && cloud.positions.size() < std::size_t(description.points); ++i) {
         const Philox4 random = philox(0, RngStream::kScene, 1, i);
-        const Camera camera =
-            posed(lens, description, false, int(i % std::uint32_t(description.cameras.train)));
+        const Camera camera = posed(lens, description, false, int(i % std::uint32_t(description.cameras.train)));
         const auto ray = procedural::camera_ray(camera, camera.width * uniform_from_bits<double>(random.v[0]),
                                                 camera.height * uniform_from_bits<double>(random.v[1]));
         const auto hit = ray ? procedural::intersect(description.world, *ray) : std::nullopt;
@@ -119,9 +118,9 @@ Scene load_builtin_scene(const std::string& name, const SceneOptions& options) {
     const LensCamera lens = procedural::rig_lens(description.cameras);
     const Camera camera = choose_camera(lens, options.lens, scene.source);
     if (!is_pinhole(lens))
-        scene.notes.push_back(fmt::format("lens {}: {}", camera_model_info(lens.model).name,
-                                          is_pinhole(camera) ? "its views are cast as pinhole images"
-                                                             : "its views are used as they are"));
+        scene.facts.push_back(fmt::format(
+            "lens {}: {}", camera_model_info(lens.model).name,
+            is_pinhole(camera) ? "its views are cast as pinhole images" : "its views are used as they are"));
     for (int i = 0; i < description.cameras.train; ++i) scene.train.push_back(make_view(description, camera, false, i));
     for (int i = 0; options.eval && i < description.cameras.test; ++i)
         scene.test.push_back(make_view(description, camera, true, i));

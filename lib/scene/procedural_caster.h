@@ -75,8 +75,8 @@ struct Radiance {
     Eigen::Vector3d diffuse{0, 0, 0}, specular{0, 0, 0};
 };
 
-/// Returns the ray through image position (x, y) in pixels, if the lens sees one there. The centre of the first pixel is
-/// (0.5, 0.5).
+/// Returns the ray through image position (x, y) in pixels, if the lens sees one there. The centre of the first pixel
+/// is (0.5, 0.5).
 std::optional<Ray> camera_ray(const Camera& camera, double x, double y);
 
 /// Returns the ray's nearest hit with a visible surface in front of its origin, if any.

@@ -116,8 +116,8 @@ void YamlSection::read(const std::string& key, Eigen::Vector3d& out, double low,
     }
 }
 
-const std::vector<std::string> kTopKeys = {"base",       "shapes",  "lights",     "sky",    "ambient",
-                                           "background", "cameras", "lens",   "pixel_grid", "points", "violations"};
+const std::vector<std::string> kTopKeys = {"base",    "shapes", "lights",     "sky",    "ambient",   "background",
+                                           "cameras", "lens",   "pixel_grid", "points", "violations"};
 
 Vector3d unit(const YamlSection& section, const std::string& key, Vector3d v) {
     if (v.norm() < 1e-12) throw UsageError(fmt::format("{}: the zero vector has no direction", section.where(key)));

@@ -15,10 +15,10 @@ namespace gs::procedural {
 
 /// Cameras on a spherical cap around `look_at`. All cameras look at it, with world z up in the picture.
 struct CameraRig {
-    int width = 160, height = 120;                  ///< pixels
-    double fov = 45;                                ///< horizontal field of view, degrees
+    int width = 160, height = 120;  ///< pixels
+    double fov = 45;                ///< horizontal field of view, degrees
     CameraModel model = CameraModel::kPinhole;
-    std::array<double, 12> distortion{};  ///< as in LensCamera
+    std::array<double, 12> distortion{};            ///< as in LensCamera
     double radius = 4;                              ///< distance to look_at, world units
     double elevation_min = 15, elevation_max = 60;  ///< degrees above the horizon
     Eigen::Vector3d look_at{0, 0, 0};

@@ -42,8 +42,8 @@ struct ViewImage {
     std::optional<Image> mask;  ///< 1 channel, 8 bit: loss weight
 };
 
-/// One photograph. `load` decodes (and undistorts if so decided, resizes, applies masks) on each call and is safe to call from any
-/// thread. Callers that need an image twice use ImageCache.
+/// One photograph. `load` decodes (and undistorts if so decided, resizes, applies masks) on each call and is safe to
+/// call from any thread. Callers that need an image twice use ImageCache.
 struct View {
     std::string name;  ///< image name relative to the image folder, e.g. "left/0001.jpg"
     Camera camera;

@@ -146,8 +146,7 @@ Camera undistorted_camera(const LensCamera& lens, const std::string& where) {
     camera.cy = lens.cy;
     if (is_pinhole(lens)) return camera;
     if (lens.model == CameraModel::kEquirectangular)
-        throw DataError(fmt::format(
-            "{}: camera model EQUIRECTANGULAR has no pinhole image: use --lens native", where));
+        throw DataError(fmt::format("{}: camera model EQUIRECTANGULAR has no pinhole image: use --lens native", where));
 
     if (!(lens.cx > 0 && lens.cx < lens.width && lens.cy > 0 && lens.cy < lens.height))
         throw DataError(
@@ -182,26 +181,11 @@ Camera undistorted_camera(const LensCamera& lens, const std::string& where) {
     return camera;
 }
 
-double share_kept(const LensCamera& lens, const Camera& undistorted) {
-    constexpr int kSide = 48;
-    int kept = 0;
-    for (int y = 0; y < kSide; ++y)
-        for (int x = 0; x < kSide; ++x) {
-            const auto at = trace(lens, (x + 0.5) * lens.width / kSide, (y + 0.5) * lens.height / kSide);
-            if (!at) continue;
-            const double u = at->x() + undistorted.cx - lens.cx, v = at->y() + undistorted.cy - lens.cy;
-            kept += u >= 0 && v >= 0 && u <= undistorted.width && v <= undistorted.height;
-        }
-    return double(kept) / (kSide * kSide);
-}
-
 Camera choose_camera(const LensCamera& lens, LensMode mode, const std::string& where) {
     if (mode == LensMode::kUndistort || is_pinhole(lens)) return undistorted_camera(lens, where);
     if (mode == LensMode::kAuto) {
-        constexpr double kLeastKept = 0.98;
         try {
-            const Camera undistorted = undistorted_camera(lens, where);
-            if (share_kept(lens, undistorted) >= kLeastKept) return undistorted;
+            return undistorted_camera(lens, where);
         } catch (const DataError&) {
             // There is no pinhole image of this lens.
         }
@@ -211,10 +195,10 @@ Camera choose_camera(const LensCamera& lens, LensMode mode, const std::string& w
     camera.range = lens_range(lens);
     constexpr double kLeastAngle = 0.01;
     if (!(camera.range.max_angle >= kLeastAngle))
-        throw DataError(fmt::format("{}: the distortion of the lens ({}) folds the image {:.2g} degrees from its axis; "
-                                    "its parameters are damaged",
-                                    where, camera_model_info(lens.model).name,
-                                    camera.range.max_angle * 180 / std::numbers::pi));
+        throw DataError(
+            fmt::format("{}: the distortion of the lens ({}) folds the image {:.2g} degrees from its axis; "
+                        "its parameters are damaged",
+                        where, camera_model_info(lens.model).name, camera.range.max_angle * 180 / std::numbers::pi));
     return camera;
 }
 
@@ -224,7 +208,8 @@ std::shared_ptr<const Image> seen_pixels(const Camera& lens) {
         // The area of a pixel on the sphere falls with the cosine of its latitude.
         for (int y = 0; y < lens.height; ++y) {
             const double weight = std::sin(std::numbers::pi * (y + 0.5) / lens.height);
-            std::fill_n(&seen->u8[std::size_t(y) * lens.width], lens.width, std::uint8_t(1 + std::lround(254 * weight)));
+            std::fill_n(&seen->u8[std::size_t(y) * lens.width], lens.width,
+                        std::uint8_t(1 + std::lround(254 * weight)));
         }
         return seen;
     }
@@ -337,10 +322,11 @@ std::vector<std::string> ViewBuilder::notes() const {
         lines.push_back(fmt::format("{} images with lens distortion ({}): used as they are, through their own lens",
                                     native_, native_model_));
     if (partly_seen_ > 0)
-        lines.push_back(fmt::format(
-            "{} images are seen by their lens only in part ({:.0f} % at least): pixels outside of the largest circle in "
-            "which it is one to one, or without a ray, are left out",
-            partly_seen_, 100 * least_seen_));
+        lines.push_back(
+            fmt::format("{} images are seen by their lens only in part ({:.0f} % at least): pixels outside of the "
+                        "largest circle in "
+                        "which it is one to one, or without a ray, are left out",
+                        partly_seen_, 100 * least_seen_));
     if (capped_ > 0)
         lines.push_back(
             fmt::format("{} images are wider than {} px: resized with a box filter ({}); -r 1 keeps the full size",

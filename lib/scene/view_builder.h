@@ -18,12 +18,9 @@ namespace gs {
 Camera undistorted_camera(const LensCamera& lens, const std::string& where);
 
 /// Returns the camera of the views of a lens, without a pose: the lens itself, or undistorted_camera(). With
-/// LensMode::kAuto it is the lens itself if the undistorted image would lose more than 2 % of the photograph's pixels,
-/// or if there is none. Throws DataError, starting with `where`, if the lens cannot be used.
+/// LensMode::kAuto it is the lens itself if there is no undistorted image. Throws DataError, starting with `where`, if
+/// the lens cannot be used.
 Camera choose_camera(const LensCamera& lens, LensMode mode, const std::string& where);
-
-/// Returns the share of a photograph's pixels that the undistorted image shows.
-double share_kept(const LensCamera& lens, const Camera& undistorted);
 
 /// Returns the weights of a lens's pixels in the loss (1 channel, 8 bit): 255, 0 where the lens sees nothing, and for a
 /// 360-degree image the share of solid angle, at least 1. Null if all are 255.

@@ -170,7 +170,7 @@ TEST(ForeignOptions, LinesOfPublishedScriptsAreTakenOrNameAnOption) {
     for (const auto& [line, named] :
          {std::pair{"mcmc --data_dir a --result_dir b --lpips_net vgg --compression png --ckpt b/ckpt_29999_rank0.pt",
                     "gsapp"},
-          {"mcmc --data_dir a --with_eval3d --with_ut", "undistorted"},
+          {"mcmc --data_dir a --with_eval3d --with_ut", "to first order"},
           {"default --data_dir a --steps_scaler 0.25 --packed", "--iterations"},
           {"splatfacto --pipeline.model.use_scale_regularization True --data a", "--scale-reg"},
           {"splatfacto-big --data a", "--densify-grad-threshold"}}) {

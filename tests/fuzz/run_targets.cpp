@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Readers of a run folder's files.
+#include <array>
+
 #include "apps/gsapp/render/camera_path.h"
 #include "eval/report/comparison.h"
 #include "eval/report/report.h"
@@ -64,7 +66,11 @@ void read_options(const std::string& bytes) {
 std::string cameras() {
     Scene scene;
     scene.train.resize(2);
-    for (View& view : scene.train) view.name = "a.png", view.camera = {16, 12, 20, 20, 8, 6};
+    for (View& view : scene.train) {
+        view.name = "a.png";
+        static_cast<LensCamera&>(view.camera) =
+            make_lens_camera(CameraModel::kPinhole, 16, 12, std::array{20.0, 20.0, 8.0, 6.0});
+    }
     return written("cameras.json", [&](const fs::path& path) { write_cameras_json(path, scene); });
 }
 

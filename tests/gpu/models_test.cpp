@@ -144,10 +144,10 @@ TYPED_TEST(GpuModel, SeparatePassEqualsFusedKernels) {
                     separate = this->after_step(t, r, {.deterministic = true, .separate_appearance = true});
     for (int g = 0; g < kNumGroups; ++g) {
         const std::vector<double> want(fused.groups[g].m.begin(), fused.groups[g].m.end());
-        EXPECT_LE(relative_distance(separate.groups[g].m, want), 1e-5) << kGroupNames[g];
+        EXPECT_LE(relative_distance(separate.groups[g].m, want), 5e-5) << kGroupNames[g];
     }
     const std::vector<double> want(fused.shared.m.begin(), fused.shared.m.end());
-    EXPECT_LE(relative_distance(separate.shared.m, want), 1e-5);
+    EXPECT_LE(relative_distance(separate.shared.m, want), 5e-5);
 }
 
 TYPED_TEST(GpuModel, FollowsTheCpuOverManySteps) {

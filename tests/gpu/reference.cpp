@@ -140,7 +140,8 @@ template <class Model, class Real> struct Projected {
                 lens_shapes[i], s.opacity,
                 {ray_coordinate<Real>(d.x), ray_coordinate<Real>(d.y), ray_coordinate<Real>(d.z)});
         }
-        return {fragment_alpha(FragmentShape<Real>::from(s), exact<Real>(x + 0.5), exact<Real>(y + 0.5)), exact<Real>(1)};
+        return {fragment_alpha(FragmentShape<Real>::from(s), exact<Real>(x + 0.5), exact<Real>(y + 0.5)),
+                exact<Real>(1)};
     }
     template <class Pixel> void for_pixels(int tile, Pixel&& pixel) const {
         const int x0 = tile % tiles_x * kTile, y0 = tile / tiles_x * kTile;

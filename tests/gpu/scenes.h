@@ -128,7 +128,8 @@ inline TestScene scene_around(const TestLens& lens, int width, int height) {
         }
         place(s, i, camera.rotation.transposed_times(d * distance - camera.translation));
         for (int k = 0; k < 3; ++k)
-            s[Group::kScale].param[3 * i + k] = std::log(distance) - 3.2 + 0.5 * std::tanh(s[Group::kScale].param[3 * i + k]);
+            s[Group::kScale].param[3 * i + k] =
+                std::log(distance) - 3.2 + 0.5 * std::tanh(s[Group::kScale].param[3 * i + k]);
     }
     TestScene t;
     t.model = float_model(s), t.camera = cast<float>(camera);

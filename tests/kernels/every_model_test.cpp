@@ -9,6 +9,7 @@
 #include "kernels/cuda/cuda_device.h"
 #include "tests/kernels/backends.h"
 #include "tests/kernels/gradient_check.h"
+#include "tests/kernels/lenses.h"
 
 #include "appearance_types.inc"
 
@@ -70,6 +71,14 @@ TYPED_TEST(EveryModel, RendersWithMatchingGradientsThroughEachActivation) {
         EXPECT_EQ(check.checked, s.count * (14 + s[Group::kResidual].width) + s.shared.width);
         EXPECT_GT(check.nonzero, check.checked / 3) << "most Gaussians are seen, and not all colours saturated";
     }
+}
+
+TYPED_TEST(EveryModel, RendersWithMatchingGradientsThroughALens) {
+    const auto camera = lens_camera(test_lenses().front(), 20, 18);
+    const auto s = this->random_model(6, ColorActivation::kSoftplus, camera);
+    GradientCheck check;
+    check.run<TypeParam>(s, camera, {0.1, 0.5, 0.9}, random_weights(3 * 20 * 18, 33));
+    EXPECT_GT(check.nonzero, check.checked / 3);
 }
 
 /// Renders the picture of one mode. A residual is a difference and stands before black.

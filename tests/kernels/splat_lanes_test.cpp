@@ -52,7 +52,8 @@ template <class Real> void expect_lanes_equal_scalars(double tolerance) {
             Real depth{};
             ASSERT_EQ(make_splat(params.geometry(i), camera, width, height, e, bounds, depth, cutoffs,
                                  static_cast<LensShape<Real>*>(nullptr)),
-                      has) << i;
+                      has)
+                << i;
             ++(has ? shown : culled);
             if (!has) continue;
             const Splat<Real> a = lanes.splat(lane);

@@ -663,14 +663,16 @@ TEST(LoadScene, ALensThatFoldsIsUsedInTheCircleWhereItDoesNot) {
     EXPECT_TRUE(is_pinhole(pinhole.camera));
     EXPECT_FALSE(pinhole.seen);
     EXPECT_EQ(native.camera.model, CameraModel::kSimpleRadial);
-    // r (1 - 1.5 r^2) turns back at r = sqrt(2) / 3, where it is 0.314: 3.14 pixels.
+    // r (1 - 1.5 r^2) turns back at r = 0.471. It is used while (1 - 4.5 r^2)(1 + r^2) >= 0.4: to r = 0.3802, which is
+    // 2.978 pixels from the centre.
     EXPECT_TRUE(native.camera.range.folds);
-    EXPECT_NEAR(std::tan(native.camera.range.max_angle), std::sqrt(2.0) / 3, 1e-5);
+    EXPECT_NEAR(std::tan(native.camera.range.max_angle), std::sqrt((-3.5 + std::sqrt(3.5 * 3.5 + 4 * 4.5 * 0.6)) / 9),
+                1e-5);
     ASSERT_TRUE(native.seen);
     const ViewImage image = native.load();
     for (int y = 0; y < 12; ++y)
         for (int x = 0; x < 16; ++x) {
-            const bool inside = std::hypot(x + 0.5 - 8, y + 0.5 - 6) < 3.1426;
+            const bool inside = std::hypot(x + 0.5 - 8, y + 0.5 - 6) < 2.978;
             EXPECT_EQ(native.seen->u8[std::size_t(y) * 16 + x], inside ? 255 : 0) << x << ", " << y;
             EXPECT_EQ(image.mask->u8[std::size_t(y) * 16 + x], inside ? 255 : 0);
             EXPECT_TRUE(inside || image.color.value(x, y, 0) == 0);
@@ -678,7 +680,7 @@ TEST(LoadScene, ALensThatFoldsIsUsedInTheCircleWhereItDoesNot) {
     EXPECT_TRUE(mentions(scene.notes, "1 images are seen by their lens only in part (17 % at least)"));
 }
 
-TEST(LoadScene, LensesAreUndistortedOnlyIfThatLosesNothing) {
+TEST(LoadScene, LensesAreUndistortedUnlessThereIsNoPinholeImage) {
     TempFolder folder;
     const auto images = row_of_images(numbered(3));
     for (const TestImage& image : images) write_png(folder / "images" / image.name);
@@ -688,11 +690,11 @@ TEST(LoadScene, LensesAreUndistortedOnlyIfThatLosesNothing) {
         options.lens = mode;
         return load_unframed(options).train.front().camera;
     };
-    EXPECT_TRUE(is_pinhole(camera(-0.001, LensMode::kAuto))) << "loses less than a pixel";
-    EXPECT_FALSE(is_pinhole(camera(-0.3, LensMode::kAuto)));
-    EXPECT_TRUE(is_pinhole(camera(-0.3, LensMode::kUndistort)));
+    EXPECT_TRUE(is_pinhole(camera(-0.05, LensMode::kAuto)));
+    EXPECT_FALSE(is_pinhole(camera(-1.5, LensMode::kAuto))) << "it folds";
+    EXPECT_TRUE(is_pinhole(camera(-0.05, LensMode::kUndistort)));
     EXPECT_FALSE(is_pinhole(camera(-0.001, LensMode::kNative)));
-    const Camera native = camera(-0.3, LensMode::kAuto);
+    const Camera native = camera(-0.05, LensMode::kNative);
     EXPECT_EQ(native.width, 16) << "the photograph's own pixels";
     EXPECT_EQ(native.fx, 10);
 }

@@ -309,8 +309,9 @@ TEST(EvaluateRun, WritesScoresAndFrameTimes) {
 }
 
 TEST(EvaluateRun, ResultsOfAnotherSceneLieApart) {
-    EXPECT_EQ(results_folder("run", ""), "run");
-    EXPECT_EQ(results_folder("run", "builtin:glossy"), "run/on-glossy");
+    EXPECT_EQ(results_folder("run", {}), "run");
+    EXPECT_EQ(results_folder("run", {.source = "builtin:glossy"}), "run/on-glossy");
+    EXPECT_EQ(results_folder("run", {.lens = LensMode::kNative}), "run/on-native");
 }
 
 TEST(RunFrameTimes, AreAddedToTheResults) {
