@@ -103,8 +103,7 @@ std::vector<Option> input_options() {
                "photographs of lenses that are no pinholes: undistort = resample them to pinhole images, native = use "
                "them as "
                "they are, auto = native only where there is no pinhole image, as of 180 degrees")
-            .of(Scope::kScene)
-            .basic(),
+            .of(Scope::kScene),
         choice("mask-mode", &O::mask_mode,
                "what masks mean: ignore = weight of the loss, transparent = the background shows there")
             .of(Scope::kScene),

@@ -72,7 +72,8 @@ TEST(LensCommands, AModelIsScoredThroughTheLensAndWithoutIt) {
     program.train("run", "-s builtin:room-k1 --lens native --appearance none" + std::string(kSmall));
     expect_ok(program, "eval run --lens undistort --device cpu");
     EXPECT_TRUE(fs::exists(program.path("run/on-undistort/results.json")));
-    const Outcome several = program.run("train -s builtin:room-k1 --lens native --batch 2 --device cpu -m other" + std::string(kSmall));
+    const Outcome several =
+        program.run("train -s builtin:room-k1 --lens native --batch 2 --device cpu -m other" + std::string(kSmall));
     EXPECT_EQ(several.exit_code, 2) << several.err;
     EXPECT_NE(several.err.find("--lens undistort"), std::string::npos) << several.err;
     expect_ok(program, "train -s builtin:room-k1 --device cpu --quiet -m flat" + std::string(kSmall));
