@@ -106,6 +106,7 @@ void resize_views(std::vector<ViewSet>& sets, const PictureSize& size) {
     const Camera before = sets[0].views[0].camera;
     for (ViewSet& set : sets)
         for (View& view : set.views) view.camera = with_vertical_field(view.camera, size);
+    if (!is_pinhole(before)) return;
     log_info(
         "pictures of {}x{} pixels: the vertical field of view stays, the horizontal one goes from {:.1f} to {:.1f} "
         "degrees",

@@ -50,10 +50,10 @@ struct Pair {
 
 /// Makes the pixels of a render black that the view's lens does not see, as they are in the photograph.
 RenderedImage seen_part(const View& view, RenderedImage image) {
-    if (!view.seen) return image;
-    const std::size_t pixels = view.seen->u8.size();
+    if (!view.lens_weights) return image;
+    const std::size_t pixels = view.lens_weights->u8.size();
     for (std::size_t i = 0; i < pixels; ++i)
-        if (!view.seen->u8[i]) image.rgb[i] = image.rgb[pixels + i] = image.rgb[2 * pixels + i] = 0;
+        if (!view.lens_weights->u8[i]) image.rgb[i] = image.rgb[pixels + i] = image.rgb[2 * pixels + i] = 0;
     return image;
 }
 

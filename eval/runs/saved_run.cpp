@@ -66,7 +66,13 @@ TrainOptions saved_options(const fs::path& run_folder, const RunChanges& instead
     options.model = run_folder.string();  // the folder may have been moved
     if (!instead.source.empty()) options.source = instead.source;
     if (instead.device) options.device = *instead.device;
-    if (instead.lens) options.lens = *instead.lens;
+    if (instead.lens) {
+        if (!bare && !instead.other_scene && *instead.lens != options.lens)
+            throw UsageError(
+                fmt::format("--lens: '{}' is seen as it was trained; gsapp eval scores it through another lens",
+                            run_folder.string()));
+        options.lens = *instead.lens;
+    }
     if (!options.source.empty()) return options;
     if (!bare)
         throw DataError(fmt::format("{}: no 'source', so the scene of the run is not known",

@@ -229,10 +229,8 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
     Vec3<float> ray{0, 0, 0};
     unsigned to_lens = 0;  // from the address of a splat to that of its shape
     if constexpr (kLens) {
-        if (inside) {
-            const float4 r = image.rays[std::size_t(mine.pixel.y) * image.width + mine.pixel.x];
-            ray = {r.x, r.y, r.z};
-        }
+        const float4 r = image.ray(mine.pixel);
+        ray = {r.x, r.y, r.z};
         to_lens = shared_address(&lens.shapes[0][0]) - shared_address(&shared.splats[0][0]);
     }
     const auto fetch = [&](int buffer, std::uint32_t g) {
@@ -256,7 +254,7 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
     next = gaussian(at + kChunk);
     for (std::uint32_t base = begin; base < end; base += kChunk, at += kChunk, buffer ^= 1) {
         wait_for_splat();
-        if (kLens && image.period > 0) {
+        if constexpr (kLens) {
             float& x = shared.splats[buffer][threadIdx.x].a.x;
             x = image.near_x(x, corner.x);
         }

@@ -33,7 +33,7 @@ struct WarpMemory {
     std::uint32_t list[kChunk];                 ///< instances that changed a pixel of the sub-tile
 };
 
-/// What a warp has in addition through a lens.
+/// The rays of a warp's pixels and the shapes of its batch, used through a lens.
 struct LensMemory {
     float4 rays[kSubY][kSubX];                              ///< of the pixels
     float4 batch[kBatch / kOwn][WarpMemory::kSplatStride];  ///< shapes, in the layout of PackedLensShape
@@ -295,9 +295,7 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
     HalfLensShape shape;
     if constexpr (kIsLens<Lens>) {
         shape = fetch_shape(target);
-        const int2 pixel = pixel_of(corner, lane);
-        lens.rays[lane / kSubX][lane % kSubX] =
-            of_lane.inside ? image.rays[std::size_t(pixel.y) * image.width + pixel.x] : float4{};
+        lens.rays[lane / kSubX][lane % kSubX] = image.ray(pixel_of(corner, lane));
     }
     const auto [column, group] = LaneOf(lane);
     float t[kSubY], behind[kSubY];

@@ -71,6 +71,11 @@ struct BlendImage {
     const PackedLensShape* lens_shapes;  ///< (Gaussians), through a lens; else null
     const float4* rays;                  ///< (H,W) unit rays of the pixels in x, y and z, through a lens
 
+    /// Returns the ray of a pixel through a lens; 0 outside the image.
+    __device__ float4 ray(int2 pixel) const {
+        if (pixel.x >= width || pixel.y >= height) return {};
+        return rays[std::size_t(pixel.y) * width + pixel.x];
+    }
     /// Returns the place of a splat that is nearest to a tile, or part of one, if the image repeats.
     __device__ float near_x(float mean_x, int corner_x) const {
         return period > 0 ? nearest_repeat(mean_x, corner_x + 0.5f * kCudaTileX, period) : mean_x;

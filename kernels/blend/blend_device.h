@@ -19,13 +19,17 @@ template <class P> struct FragmentAlpha {
     P alpha;   ///< alpha before the comparison with the cutoff
 };
 
+/// Returns alpha at an offset from the mean. Shape is FragmentShape or LensShape.
+template <class P, class Shape> GS_HD P alpha_at_offset(const Shape& s, P opacity, P dx, P dy) {
+    // Terms of dx alone come first: the backward pass on the device computes them once for a column of pixels.
+    return opacity * exp2_nonpositive(gs_fma(dy, gs_fma(s.qc, dy, s.qb * dx), s.qa * dx * dx));
+}
+
 /// Returns alpha of a splat at pixel centres (px, py). The forward and backward pass both call this function, so that
 /// they agree on which fragments count.
 template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
     const P dx = s.mx - px, dy = s.my - py;
-    // Terms of dx alone come first: the backward pass on the device computes them once for a column of pixels.
-    const P exponent = gs_fma(dy, gs_fma(s.qc, dy, s.qb * dx), s.qa * dx * dx);
-    return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
+    return {dx, dy, alpha_at_offset(s, s.opacity, dx, dy)};
 }
 
 /// A fragment through a lens.
@@ -39,9 +43,8 @@ GS_HD LensFragment<P> lens_fragment_alpha(const LensShape<P>& s, P opacity, cons
     const P dx = -gs_fma(s.x.x, ray.x, gs_fma(s.x.y, ray.y, s.x.z * ray.z));
     const P dy = -gs_fma(s.y.x, ray.x, gs_fma(s.y.y, ray.y, s.y.z * ray.z));
     const P cosine = gs_fma(s.axis.x, ray.x, gs_fma(s.axis.y, ray.y, s.axis.z * ray.z));
-    const P exponent = gs_fma(dy, gs_fma(s.qc, dy, s.qb * dx), s.qa * dx * dx);
-    const P alpha = select(at_least(cosine, P(T(1e-3))), opacity * exp2_nonpositive(exponent), P(T(0)));
-    return {{dx, dy, alpha}, cosine};
+    const P alpha = alpha_at_offset(s, opacity, dx, dy);
+    return {{dx, dy, select(at_least(cosine, P(T(1e-3))), alpha, P(T(0)))}, cosine};
 }
 
 /// The front-to-back state of a pixel.

@@ -25,10 +25,9 @@ template <bool kLens> struct WarpBatch {
     }
 };
 
-/// Returns the ray of a pixel through a lens.
+/// Returns the ray of a pixel through a lens, or 0 without one.
 template <bool kLens> __device__ Vec3<float> ray_of(const BlendImage& image, int2 pixel) {
-    if (!kLens || pixel.x >= image.width || pixel.y >= image.height) return {0, 0, 0};
-    const float4 r = image.rays[std::size_t(pixel.y) * image.width + pixel.x];
+    const float4 r = kLens ? image.ray(pixel) : float4{};
     return {r.x, r.y, r.z};
 }
 

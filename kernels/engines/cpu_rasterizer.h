@@ -93,7 +93,7 @@ template <class Real, class Model> class CpuRasterizer {
             fill_bins(std::int64_t(splats.size()), [&](std::int64_t i, std::int64_t end, BinningInput::Part& bin) {
                 for (; i < end; ++i) {
                     splats_[i] = splats[i].splat(cutoffs_.inverse_alpha);
-                    add_instances(i, splats[i].bounds(tiles_y_ * kCpuTile), splats[i].depth, bin);
+                    add_instances(i, splats[i].bounds(tiles_x_ * kCpuTile, tiles_y_ * kCpuTile), splats[i].depth, bin);
                 }
             });
         }
@@ -106,7 +106,7 @@ template <class Real, class Model> class CpuRasterizer {
         if (std::max(camera.width, camera.height) > kMaxWireSide)
             throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                               " pixels: several ranks take up to " + std::to_string(kMaxWireSide) + " a side");
-        refuse_lens_of_ranks(camera);
+        refuse_lens_for_splats(camera);
         begin_view(camera, {}, degree);
         const StageTimer timer(seconds.preprocess);
         const auto view = view_lanes();

@@ -745,6 +745,9 @@ MemoryUse CudaEngine::memory() {
                 {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
     if (ppisp_.host().active())
         use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
+    if (lens_rays_.get())
+        use.rows.push_back({"shapes and rays of a lens", lens_shape_room_.bytes() + lens_rays_.bytes(), "Gaussian",
+                            double(model_.count)});
     // The next rows split the scratch block of a step by the items with which its parts grow. Stages share memory, so
     // the parts need not add up to the block's size.
     const Sizes all{Layout::kStep, std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1),

@@ -69,7 +69,7 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 // --- the rank's Gaussians, for other ranks --------------------------------------------------------------------------
 
 void CudaEngine::begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) {
-    refuse_lens_of_ranks(camera);
+    refuse_lens_for_splats(camera);
     // After update_rows() no residual is stale, and later work is on the same stream.
     if (!wire_.is_updating || !in_flight_.empty()) settle();
     const std::int64_t n = model_.count;

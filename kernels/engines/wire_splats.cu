@@ -70,7 +70,7 @@ __global__ void __launch_bounds__(kWireBlock)
     if (exists) {
         mine = wire[k];
         s = mine.splat(inverse_alpha);
-        b = mine.bounds(height_padded);
+        b = mine.bounds(width_padded, height_padded);
     }
     const TileTest tiles =
         test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min, width_padded / kCudaTileX);

@@ -11,7 +11,6 @@ namespace gs {
 template <class T> struct Jet {
     T value, x, y, xx, xy, yy;
 
-    static GS_HD Jet constant(T value) { return {value, T(0), T(0), T(0), T(0), T(0)}; }
     /// Returns value + a x + b y.
     static GS_HD Jet linear(T value, T a, T b) { return {value, a, b, T(0), T(0), T(0)}; }
 

@@ -23,10 +23,12 @@ struct ProjectedView {
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
 
-/// Throws DeviceError for a camera with a lens: the shapes of splats through it are not sent between ranks.
-template <class Real> void refuse_lens_of_ranks(const CameraParams<Real>& camera) {
+/// Throws DeviceError for a camera with a lens: a WireSplat does not hold the shape of a splat through it.
+template <class Real> void refuse_lens_for_splats(const CameraParams<Real>& camera) {
     if (!camera.lens.is_pinhole())
-        throw DeviceError("--ranks and --batch above 1 take pinhole images only: use --lens undistort");
+        throw DeviceError(
+            "ranks, batches, PPISP controllers, shares of the appearance and scores take pinhole images only; use "
+            "--lens undistort");
 }
 
 /// The splats of a view in parts, one from each rank in rank order, and the sums for each of the splats.

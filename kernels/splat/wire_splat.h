@@ -58,10 +58,10 @@ struct alignas(16) WireSplat {
     GS_HD Splat<float> splat(float inverse_alpha) const {
         return {{mean_x, mean_y}, a, b, c, opacity, {red, green, blue}, splat_threshold(opacity, inverse_alpha)};
     }
-    /// Returns the pixels that the splat may reach in an image padded to whole tiles, whose height differs between
+    /// Returns the pixels that the splat may reach in an image padded to whole tiles, whose size differs between
     /// backends.
-    GS_HD PixelBounds bounds(int height_padded) const {
-        return {int(x_min_max & 0xffff), int(x_min_max >> 16), int(y_min_max & 0xffff),
+    GS_HD PixelBounds bounds(int width_padded, int height_padded) const {
+        return {int(x_min_max & 0xffff), gs_min(int(x_min_max >> 16), width_padded), int(y_min_max & 0xffff),
                 gs_min(int(y_min_max >> 16), height_padded)};
     }
 };

@@ -101,8 +101,7 @@ std::vector<Option> input_options() {
             .of(Scope::kScene),
         choice("lens", &O::lens,
                "photographs of lenses that are no pinholes: undistort = resample them to pinhole images, native = use "
-               "them as "
-               "they are, auto = native only where there is no pinhole image, as of 180 degrees")
+               "them as they are, auto = native only if there is no pinhole image, as beyond 168 degrees")
             .of(Scope::kScene),
         choice("mask-mode", &O::mask_mode,
                "what masks mean: ignore = weight of the loss, transparent = the background shows there")

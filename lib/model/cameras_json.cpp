@@ -49,7 +49,6 @@ void set_listed_lens(const nlohmann::json& entry, Camera& camera) {
     if (found == models.end()) throw DataError(fmt::format("camera_model '{}' is none of COLMAP's", name));
     camera.model = found->id;
     camera.distortion = entry.at("distortion").get<std::array<double, 12>>();
-    camera.range = lens_range(camera);
 }
 
 std::string cameras_json(const Scene& scene) {

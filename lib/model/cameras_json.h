@@ -19,7 +19,8 @@ namespace gs {
 /// PLY files (file_offset), it is also subtracted from positions, and each entry states it as "offset": [x, y, z].
 std::string cameras_json(const Scene& scene);
 
-/// Sets the lens that an entry of such a list states, if it does. Throws DataError or nlohmann::json::exception.
+/// Sets the lens that an entry of such a list states, if it does, without its range. Throws DataError or
+/// nlohmann::json::exception.
 void set_listed_lens(const nlohmann::json& entry, Camera& camera);
 
 /// Writes cameras.json. Throws DataError.

@@ -34,12 +34,6 @@ constexpr CameraModelInfo kModels[] = {
     {M::kEquirectangular, "EQUIRECTANGULAR", 0, 0},
 };
 
-/// Returns whether the model distorts the plane of a pinhole image by a polynomial. Such a lens sees less than a half
-/// space.
-bool is_plane_polynomial(CameraModel model) {
-    return model == M::kSimpleRadial || model == M::kRadial || model == M::kOpenCV || model == M::kFullOpenCV;
-}
-
 struct PlaneMap {
     Vector2d value;
     Eigen::Matrix2d jacobian;
@@ -139,12 +133,10 @@ std::optional<DirectionMap> map_direction(const LensCamera& camera, const Lens<d
                                           const Vector3d& direction) {
     if ((is_plane_polynomial(camera.model) || is_pinhole(camera)) && !(direction.z() > 0)) return {};
     const Vector3d n = direction.normalized();
-    if (camera.model == M::kSimpleDivision || camera.model == M::kDivision) {
-        if (n.z() * n.z() - 4 * camera.distortion[0] * (1 - n.z() * n.z()) < 0) return {};
-    }
+    // Where the model has no root, the values below are NaN.
     if (camera.model == M::kEucm) {
         const double root = camera.distortion[1] * (1 - n.z() * n.z()) + n.z() * n.z();
-        if (root < 0 || !(camera.distortion[0] * std::sqrt(root) + (1 - camera.distortion[0]) * n.z() > 0)) return {};
+        if (!(camera.distortion[0] * std::sqrt(root) + (1 - camera.distortion[0]) * n.z() > 0)) return {};
     }
     using J = Jet<double>;
     Vec3<double> e1, e2;
@@ -166,6 +158,10 @@ std::optional<DirectionMap> map_direction(const LensCamera& camera, const Lens<d
 }  // namespace
 
 std::span<const CameraModelInfo> camera_models() { return kModels; }
+
+bool is_plane_polynomial(CameraModel model) {
+    return model == M::kSimpleRadial || model == M::kRadial || model == M::kOpenCV || model == M::kFullOpenCV;
+}
 
 const CameraModelInfo& camera_model_info(CameraModel model) { return kModels[static_cast<int>(model)]; }
 
@@ -266,9 +262,8 @@ std::optional<Vector2d> project(const LensCamera& lens, const Vector3d& point) {
 
 std::optional<Vector3d> unproject(const LensCamera& lens, const Vector2d& pixel) {
     if (lens.model == M::kEquirectangular) {
-        const double theta = (pixel.x() / lens.fx - 0.5) * 2 * std::numbers::pi;
-        const double phi = (0.5 - pixel.y() / lens.fy) * std::numbers::pi;
-        return Vector3d(std::cos(phi) * std::sin(theta), -std::sin(phi), std::cos(phi) * std::cos(theta));
+        const Vec3<double> ray = lens_ray(kernel_lens<double>(lens, {}), pixel.x() / lens.fx, pixel.y() / lens.fy);
+        return Vector3d(ray.x, ray.y, ray.z);
     }
     const std::optional<Vector3d> ray =
         undistort(lens, Vector2d((pixel.x() - lens.cx) / lens.fx, (pixel.y() - lens.cy) / lens.fy));

@@ -24,6 +24,9 @@ struct CameraModelInfo {
 
 /// Returns all models; entry i has id i.
 std::span<const CameraModelInfo> camera_models();
+/// Returns whether the model distorts the plane of a pinhole image by a polynomial. Such a lens sees less than a half
+/// space.
+bool is_plane_polynomial(CameraModel model);
 /// Returns the name and parameter counts of one model.
 const CameraModelInfo& camera_model_info(CameraModel model);
 

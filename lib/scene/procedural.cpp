@@ -62,9 +62,9 @@ View make_view(const Description& description, const Camera& lens, bool test, in
     auto pixels = std::make_shared<const Image>(
         photographed(procedural::render(world, view.camera, description.pixel_grid), description, photography));
     view.image_bytes = pixels->bytes();
-    view.seen = is_pinhole(lens) ? nullptr : seen_pixels(lens);
-    view.load = [pixels, seen = view.seen] {
-        return ViewImage{*pixels, seen ? std::optional<Image>(*seen) : std::nullopt};
+    view.lens_weights = is_pinhole(lens) ? nullptr : lens_weights(lens);
+    view.load = [pixels, weights = view.lens_weights] {
+        return ViewImage{*pixels, weights ? std::optional<Image>(*weights) : std::nullopt};
     };
     if (description.exposure) view.exif_exposure = photography.stops;
     return view;

@@ -38,7 +38,7 @@ std::vector<View> without_lenses(std::vector<View> views) {
         const View whole = view;
         view.camera = without_lens(whole.camera);
         view.load = [whole, camera = view.camera] { return undistort(*view_image(whole), whole.camera, camera); };
-        view.decoded = nullptr, view.seen = nullptr;
+        view.decoded = nullptr, view.lens_weights = nullptr;
     }
     return views;
 }
@@ -68,7 +68,8 @@ View smaller_view(View view, int width) {
     // A kept image has the full size. It need not be decoded again.
     view.load = [whole = view, width, height] { return resized(ViewImage(*view_image(whole)), width, height); };
     view.decoded = nullptr;
-    if (view.seen) view.seen = std::make_shared<const Image>(resize_image(*view.seen, width, height));
+    if (view.lens_weights)
+        view.lens_weights = std::make_shared<const Image>(resize_image(*view.lens_weights, width, height));
     view.camera = resized(full, width, height);
     view.image_bytes = std::size_t(double(view.image_bytes) * width / full.width * height / full.height);
     return view;

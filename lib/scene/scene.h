@@ -56,7 +56,7 @@ struct View {
     std::string mask_file;  ///< file of its mask; empty without a mask
     /// The weights that the lens gives its pixels in the loss (1 channel, 8 bit), at the training size; null: all 255.
     /// Where they are 0 the lens sees nothing: the photograph is black, and scored renders are made so.
-    std::shared_ptr<const Image> seen;
+    std::shared_ptr<const Image> lens_weights;
     /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty if the file does not state it or the option did
     /// not request it (SceneOptions::ppisp_exif).
     std::optional<double> exif_exposure;

@@ -23,13 +23,6 @@ using Eigen::Vector2d;
 // so the borders ignore them.
 constexpr double kMaxTangent = 10;
 
-/// Returns whether the model distorts the plane of a pinhole image by a polynomial. Such a lens never has a field of
-/// view of 180 degrees.
-bool is_radial_polynomial(CameraModel model) {
-    return model == CameraModel::kSimpleRadial || model == CameraModel::kRadial || model == CameraModel::kOpenCV ||
-           model == CameraModel::kFullOpenCV;
-}
-
 /// Returns the position of a source pixel in the pinhole image with the same intrinsics.
 std::optional<Vector2d> trace(const LensCamera& lens, double x, double y) {
     const auto ray = unproject(lens, {x, y});
@@ -93,12 +86,13 @@ Image blank(int width, int height, int channels, bool is_float) {
 constexpr int kDefaultMaxWidth = 1600;
 
 /// Makes the pixels that the lens does not see black, and weighs the loss of all by the solid angle that they see.
-void weigh_by_lens(const Image& seen, ViewImage& view) {
-    if (!view.mask) view.mask = Image{seen.width, seen.height, 1, std::vector<std::uint8_t>(seen.u8.size(), 255), {}};
+void weigh_by_lens(const Image& weights, ViewImage& view) {
+    if (!view.mask)
+        view.mask = Image{weights.width, weights.height, 1, std::vector<std::uint8_t>(weights.u8.size(), 255), {}};
     float nothing[4] = {0, 0, 0, 1};
-    for (int y = 0; y < seen.height; ++y)
-        for (int x = 0; x < seen.width; ++x) {
-            const std::uint8_t weight = seen.u8[std::size_t(y) * seen.width + x];
+    for (int y = 0; y < weights.height; ++y)
+        for (int x = 0; x < weights.width; ++x) {
+            const std::uint8_t weight = weights.u8[std::size_t(y) * weights.width + x];
             if (weight == 255) continue;
             if (weight == 0) store(view.color, x, y, nothing);
             const float masked = float(weight) / 255 * view.mask->value(x, y, 0);
@@ -109,8 +103,8 @@ void weigh_by_lens(const Image& seen, ViewImage& view) {
 /// All data that a loader thread needs, stored by value.
 struct LoadJob {
     SourceView source;
-    Camera camera;  ///< before resizing
-    std::shared_ptr<const Image> seen;
+    Camera camera;                         ///< before resizing
+    std::shared_ptr<const Image> weights;  ///< of the lens, as in View
     int width, height;
     AlphaMode alpha_mode;
     MaskMode mask_mode;
@@ -127,7 +121,7 @@ struct LoadJob {
         ViewImage view = combine(std::move(color), std::move(mask), alpha_mode, mask_mode);
         if (is_pinhole(camera) && !is_pinhole(source.lens)) view = undistort(view, source.lens, camera);
         view = resized(std::move(view), width, height);
-        if (seen) weigh_by_lens(*seen, view);
+        if (weights) weigh_by_lens(*weights, view);
         return view;
     }
 };
@@ -167,7 +161,7 @@ Camera undistorted_camera(const LensCamera& lens, const std::string& where) {
         if (!std::isfinite(border))
             throw DataError(fmt::format(
                 "{}: no ray within 84 degrees of the axis reaches one of the borders; {}", where,
-                is_radial_polynomial(lens.model)
+                is_plane_polynomial(lens.model)
                     ? "the distortion folds the image before them: its parameters are damaged"
                     : fmt::format(
                           "camera model {} sees nearly 180 degrees or more: convert the images to a narrower view "
@@ -202,26 +196,26 @@ Camera choose_camera(const LensCamera& lens, LensMode mode, const std::string& w
     return camera;
 }
 
-std::shared_ptr<const Image> seen_pixels(const Camera& lens) {
-    auto seen = std::make_shared<Image>(blank(lens.width, lens.height, 1, false));
+std::shared_ptr<const Image> lens_weights(const Camera& lens) {
+    auto weights = std::make_shared<Image>(blank(lens.width, lens.height, 1, false));
     if (lens.model == CameraModel::kEquirectangular) {
         // The area of a pixel on the sphere falls with the cosine of its latitude.
         for (int y = 0; y < lens.height; ++y) {
-            const double weight = std::sin(std::numbers::pi * (y + 0.5) / lens.height);
-            std::fill_n(&seen->u8[std::size_t(y) * lens.width], lens.width,
-                        std::uint8_t(1 + std::lround(254 * weight)));
+            const double share = std::sin(std::numbers::pi * (y + 0.5) / lens.height);
+            std::fill_n(&weights->u8[std::size_t(y) * lens.width], lens.width,
+                        std::uint8_t(1 + std::lround(254 * share)));
         }
-        return seen;
+        return weights;
     }
     const double least = std::cos(lens.range.max_angle);
     parallel_for(lens.height, [&](std::int64_t y) {
         for (int x = 0; x < lens.width; ++x) {
             const auto ray = unproject(lens, {x + 0.5, double(y) + 0.5});
-            if (ray && ray->z() >= least) seen->u8[std::size_t(y) * lens.width + x] = 255;
+            if (ray && ray->z() >= least) weights->u8[std::size_t(y) * lens.width + x] = 255;
         }
     });
-    if (std::find(seen->u8.begin(), seen->u8.end(), 0) == seen->u8.end()) return nullptr;
-    return seen;
+    if (std::find(weights->u8.begin(), weights->u8.end(), 0) == weights->u8.end()) return nullptr;
+    return weights;
 }
 
 ViewImage undistort(const ViewImage& in, const LensCamera& lens, const Camera& pinhole) {
@@ -263,17 +257,17 @@ std::pair<int, int> ViewBuilder::training_size(int width, int height) {
     return {target, scaled_size(height, double(width) / target)};
 }
 
-std::shared_ptr<const Image> ViewBuilder::seen_by(const Camera& lens) {
+std::shared_ptr<const Image> ViewBuilder::weights_of(const Camera& lens) {
     if (static_cast<const LensCamera&>(lens) != static_cast<const LensCamera&>(last_lens_)) {
-        seen_ = seen_pixels(lens);
+        weights_ = lens_weights(lens);
         last_lens_ = lens;
     }
-    if (seen_) {
-        const auto unseen = std::size_t(std::count(seen_->u8.begin(), seen_->u8.end(), 0));
+    if (weights_) {
+        const auto unseen = std::size_t(std::count(weights_->u8.begin(), weights_->u8.end(), 0));
         partly_seen_ += unseen > 0;
-        least_seen_ = std::min(least_seen_, 1 - double(unseen) / double(seen_->u8.size()));
+        least_seen_ = std::min(least_seen_, 1 - double(unseen) / double(weights_->u8.size()));
     }
-    return seen_;
+    return weights_;
 }
 
 View ViewBuilder::build(const SourceView& source) {
@@ -292,19 +286,19 @@ View ViewBuilder::build(const SourceView& source) {
                 fmt::format("{} from {}x{} to {}x{}", source.name, camera.width, camera.height, width, height);
         camera = resized(camera, width, height);
     }
-    const std::shared_ptr<const Image> seen = native ? seen_by(camera) : nullptr;
-    LoadJob job{source, full, seen, width, height, options_.alpha_mode, options_.mask_mode, options_.invert_masks};
+    const std::shared_ptr<const Image> weights = native ? weights_of(camera) : nullptr;
+    LoadJob job{source, full, weights, width, height, options_.alpha_mode, options_.mask_mode, options_.invert_masks};
 
     const bool mask_to_alpha = source.mask && options_.mask_mode == MaskMode::kTransparent;
     const bool alpha_to_mask = source.info.channels == 4 && options_.alpha_mode == AlphaMode::kMask;
     const bool alpha = (source.info.channels == 4 && !alpha_to_mask) || mask_to_alpha ||
                        (alpha_to_mask && options_.mask_mode == MaskMode::kTransparent);
-    const bool mask = ((source.mask || alpha_to_mask) && options_.mask_mode != MaskMode::kTransparent) || seen;
+    const bool mask = ((source.mask || alpha_to_mask) && options_.mask_mode != MaskMode::kTransparent) || weights;
     has_alpha_ = has_alpha_ || alpha;
     View view;
     view.name = source.name;
     view.camera = camera;
-    view.seen = seen;
+    view.lens_weights = weights;
     view.camera_id = source.camera_id;
     if (source.mask) view.mask_file = source.mask->path.string();
     view.image_bytes =
@@ -323,9 +317,8 @@ std::vector<std::string> ViewBuilder::notes() const {
                                     native_, native_model_));
     if (partly_seen_ > 0)
         lines.push_back(
-            fmt::format("{} images are seen by their lens only in part ({:.0f} % at least): pixels outside of the "
-                        "largest circle in "
-                        "which it is one to one, or without a ray, are left out",
+            fmt::format("{} images are used only in part ({:.0f} % at least): pixels outside of the largest circle in "
+                        "which the lens is one to one, or without a ray, are left out",
                         partly_seen_, 100 * least_seen_));
     if (capped_ > 0)
         lines.push_back(

@@ -24,7 +24,7 @@ Camera choose_camera(const LensCamera& lens, LensMode mode, const std::string& w
 
 /// Returns the weights of a lens's pixels in the loss (1 channel, 8 bit): 255, 0 where the lens sees nothing, and for a
 /// 360-degree image the share of solid angle, at least 1. Null if all are 255.
-std::shared_ptr<const Image> seen_pixels(const Camera& lens);
+std::shared_ptr<const Image> lens_weights(const Camera& lens);
 
 /// Resamples an image of `lens` to `pinhole`, bilinearly on pixel centres with premultiplied alpha. The mask is
 /// resampled in the same way. Pixels whose ray misses the source get mask 0. The result has a mask if the input has one
@@ -49,16 +49,16 @@ class ViewBuilder {
 
   private:
     std::pair<int, int> training_size(int width, int height);
-    /// Returns seen_pixels() of a view's lens, computed once for views of one lens.
-    std::shared_ptr<const Image> seen_by(const Camera& lens);
+    /// Returns lens_weights() of a view's lens, computed once for views of one lens.
+    std::shared_ptr<const Image> weights_of(const Camera& lens);
 
     SceneOptions options_;
     int prescaled_;
     std::size_t undistorted_ = 0, native_ = 0, partly_seen_ = 0, resized_ = 0, capped_ = 0, kept_small_ = 0;
     std::string undistorted_model_, native_model_, resized_example_;
-    double least_seen_ = 1;  ///< smallest share of a photograph that its lens sees
-    Camera last_lens_;       ///< lens of seen_; most scenes have one lens
-    std::shared_ptr<const Image> seen_;
+    double least_seen_ = 1;  ///< smallest share of a photograph's pixels that is used
+    Camera last_lens_;       ///< lens of weights_; most scenes have one lens
+    std::shared_ptr<const Image> weights_;
     bool has_alpha_ = false;
 };
 

@@ -76,14 +76,6 @@ void agree_on_options(RankGroup& group, const TrainOptions& options) { group.agr
 
 StepViews step_views(const TrainOptions& options, const Scene& scene, const RankGroup* group) {
     StepViews views{.per_step = views_of_step(options.batch, group)};
-    if (group || views.per_step > 1 || options.ppisp != PpispMode::kOff || options.takes_residuals_away() ||
-        !options.appearance_share || options.speedy_splat)
-        for (const View& view : scene.train)
-            if (!is_pinhole(view.camera))
-                throw UsageError(
-                    fmt::format("{}: --ranks, --batch above 1, --ppisp, --appearance-share and --speedy-splat take "
-                                "pinhole images only: use --lens undistort",
-                                view.name));
     views.about_targets.put(options.seed).put(views.per_step);
     put_views(views.about_targets, scene);
     return views;

@@ -76,6 +76,12 @@ TEST(LensCommands, AModelIsScoredThroughTheLensAndWithoutIt) {
         program.run("train -s builtin:room-k1 --lens native --batch 2 --device cpu -m other" + std::string(kSmall));
     EXPECT_EQ(several.exit_code, 2) << several.err;
     EXPECT_NE(several.err.find("--lens undistort"), std::string::npos) << several.err;
+    for (const char* option : {"--ppisp on", "--appearance sh --appearance-share 0.5", "--strategy adc --speedy-splat"})
+        EXPECT_EQ(
+            program.run("train -s builtin:room-200 --device cpu -m other " + std::string(option) + kSmall).exit_code, 2)
+            << option;
+    expect_ok(program, "train -s builtin:room-200 --ppisp on --controller-iterations 0 --device cpu --quiet -m other" +
+                           std::string(kSmall));
     expect_ok(program, "train -s builtin:room-k1 --device cpu --quiet -m flat" + std::string(kSmall));
 }
 

@@ -247,7 +247,13 @@ TEST_F(RenderCommand, PathsOfTransformsJsonAreRendered) {
                            R"({"camera_model":"OPENCV","fl_x":20,"w":31,"h":17,"k1":0.1,"frames":[{"file_path":"a",)"
                            R"("transform_matrix":[[1,0,0,0],[0,0,-1,-4],[0,1,0,0.5],[0,0,0,1]]}]})");
     expect_ok("--path transforms.json -o path");
-    EXPECT_EQ(read_image(program.path("path/00000.png")).width, 31);
+    const Image bent = read_image(program.path("path/00000.png"));
+    EXPECT_EQ(bent.width, 31);
+    std::string straight = program.read("transforms.json");
+    straight.replace(straight.find("\"k1\":0.1"), 8, "\"k1\":0.0");
+    program.folder().write("straight.json", straight);
+    expect_ok("--path straight.json -o straight");
+    EXPECT_TRUE(bent.u8 != read_image(program.path("straight/00000.png")).u8) << "rendered through its lens";
     program.folder().write("nowhere.json", R"({"camera_angle_x":0.7,"frames":[{"file_path":"a",)"
                                            R"("transform_matrix":[[1,0,0,0],[0,0,-1,-4],[0,1,0,0.5],[0,0,0,1]]}]})");
     expect_refused("--path nowhere.json -o other", 3, "'w' and 'h'");

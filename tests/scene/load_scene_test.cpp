@@ -661,23 +661,23 @@ TEST(LoadScene, ALensThatFoldsIsUsedInTheCircleWhereItDoesNot) {
     ASSERT_EQ(names_of(scene.train), (std::vector<std::string>{"a.png", "b.png", "c.png", "d.png"}));
     const View &pinhole = scene.train[0], &native = scene.train[1];
     EXPECT_TRUE(is_pinhole(pinhole.camera));
-    EXPECT_FALSE(pinhole.seen);
+    EXPECT_FALSE(pinhole.lens_weights);
     EXPECT_EQ(native.camera.model, CameraModel::kSimpleRadial);
     // r (1 - 1.5 r^2) turns back at r = 0.471. It is used while (1 - 4.5 r^2)(1 + r^2) >= 0.4: to r = 0.3802, which is
     // 2.978 pixels from the centre.
     EXPECT_TRUE(native.camera.range.folds);
     EXPECT_NEAR(std::tan(native.camera.range.max_angle), std::sqrt((-3.5 + std::sqrt(3.5 * 3.5 + 4 * 4.5 * 0.6)) / 9),
                 1e-5);
-    ASSERT_TRUE(native.seen);
+    ASSERT_TRUE(native.lens_weights);
     const ViewImage image = native.load();
     for (int y = 0; y < 12; ++y)
         for (int x = 0; x < 16; ++x) {
             const bool inside = std::hypot(x + 0.5 - 8, y + 0.5 - 6) < 2.978;
-            EXPECT_EQ(native.seen->u8[std::size_t(y) * 16 + x], inside ? 255 : 0) << x << ", " << y;
+            EXPECT_EQ(native.lens_weights->u8[std::size_t(y) * 16 + x], inside ? 255 : 0) << x << ", " << y;
             EXPECT_EQ(image.mask->u8[std::size_t(y) * 16 + x], inside ? 255 : 0);
             EXPECT_TRUE(inside || image.color.value(x, y, 0) == 0);
         }
-    EXPECT_TRUE(mentions(scene.notes, "1 images are seen by their lens only in part (17 % at least)"));
+    EXPECT_TRUE(mentions(scene.notes, "1 images are used only in part (17 % at least)"));
 }
 
 TEST(LoadScene, LensesAreUndistortedUnlessThereIsNoPinholeImage) {

@@ -93,6 +93,7 @@ Camera camera_of_list(const Entry& entry, const Frame& frame) {
     if (entry.object.contains("cy")) camera.cy = entry.number_within("cy", -1e6, 1e6);
     try {
         set_listed_lens(entry.object, camera);
+        if (!is_pinhole(camera)) camera.range = lens_range(camera);
     } catch (const std::exception& e) {
         entry.fail(e.what());
     }
