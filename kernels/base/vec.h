@@ -6,7 +6,13 @@
 
 namespace gs {
 
-template <class T> struct Vec2 { T x, y; };
+template <class T> struct Vec2 {
+    T x, y;
+
+    GS_HD Vec2 operator+(const Vec2& o) const { return {x + o.x, y + o.y}; }
+    GS_HD Vec2 operator-(const Vec2& o) const { return {x - o.x, y - o.y}; }
+    GS_HD Vec2 operator*(T s) const { return {x * s, y * s}; }
+};
 
 template <class T> struct Vec3 {
     T x, y, z;

@@ -33,12 +33,15 @@ struct WarpMemory {
     std::uint32_t list[kChunk];                 ///< instances that changed a pixel of the sub-tile
 };
 
-/// The rays of a warp's pixels and the shapes of its batch, used through a lens.
+/// The shapes of a warp's batch, used through a lens.
 struct LensMemory {
-    float4 rays[kSubY][kSubX];                              ///< of the pixels
-    float4 batch[kBatch / kOwn][WarpMemory::kSplatStride];  ///< shapes, in the layout of PackedLensShape
+    float4 batch[kBatch / kOwn][WarpMemory::kSplatStride];  ///< in the layout of PackedLensShape
 };
 struct NoLensMemory {};
+/// The rays of a lane's pixels, used through a lens.
+struct ColumnRays {
+    Vec3<float> at[kSubY];
+};
 template <class Lens> inline constexpr bool kIsLens = std::is_same_v<Lens, LensMemory>;
 
 /// The work of a lane: fragments of a column of pixels and of a group of splats. Lanes that differ only in the lowest
@@ -146,17 +149,13 @@ __device__ inline LensShape<float> lens_shape_of(const LensMemory& lens, int gro
     const float4* const s = &lens.batch[group][3 * own];
     return PackedLensShape{s[0], s[1], s[2]}.shape();
 }
-__device__ inline Vec3<float> ray_of(const LensMemory& lens, int y, int column) {
-    const float4 r = lens.rays[y][column];
-    return {r.x, r.y, r.z};
-}
 
 /// Adds the gradients of a batch to its splats. `h` and `w` belong to a lane's fragments, by pixel and splat. `target`
 /// belongs to the splat that this lane shares with its neighbour.
 template <bool kFixedOrder, class Lens>
-__device__ void add_gradients(WarpMemory& memory, const Lens& lens, const float (&h)[kSubY][kOwn],
-                              const float (&w)[kSubY][kOwn], float px, float centre_y, std::uint32_t target,
-                              int sub_tile, int lane, PackedSums* __restrict__ sums) {
+__device__ void add_gradients(WarpMemory& memory, const Lens& lens, const ColumnRays& rays,
+                              const float (&h)[kSubY][kOwn], const float (&w)[kSubY][kOwn], float px, float centre_y,
+                              std::uint32_t target, int sub_tile, int lane, PackedSums* __restrict__ sums) {
     const auto [column, group] = LaneOf(lane);
     float blue[kOwn];
 #pragma unroll
@@ -178,7 +177,7 @@ __device__ void add_gradients(WarpMemory& memory, const Lens& lens, const float 
             const LensShape<float> shape = lens_shape_of(lens, group, i);
 #pragma unroll
             for (int y = 0; y < kSubY; ++y) {
-                const auto f = lens_fragment_alpha<float, float>(shape, 1.0f, ray_of(lens, y, column));
+                const auto f = lens_fragment_alpha<float, float>(shape, 1.0f, rays.at[y]);
                 const float hx = h[y][i] * f.dx, hy = h[y][i] * f.dy;
                 s.hx = gs_fma(hx, f.cosine, s.hx), s.hy = gs_fma(hy, f.cosine, s.hy);
                 s.hxx = gs_fma(hx, f.dx, s.hxx), s.hxy = gs_fma(hx, f.dy, s.hxy), s.hyy = gs_fma(hy, f.dy, s.hyy);
@@ -293,11 +292,16 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
     std::uint32_t target = target_from(0);
     HalfSplat splat = fetch(target);
     HalfLensShape shape;
+    const auto [column, group] = LaneOf(lane);
+    ColumnRays rays;
     if constexpr (kIsLens<Lens>) {
         shape = fetch_shape(target);
-        lens.rays[lane / kSubX][lane % kSubX] = image.ray(pixel_of(corner, lane));
+#pragma unroll
+        for (int y = 0; y < kSubY; ++y) {
+            const float4 ray = image.ray({corner.x + column, corner.y + y});
+            rays.at[y] = {ray.x, ray.y, ray.z};
+        }
     }
-    const auto [column, group] = LaneOf(lane);
     float t[kSubY], behind[kSubY];
     // Lanes have loaded neighbouring pixels, and read the pixels of their columns from shared memory.
     float2* const states = reinterpret_cast<float2*>(memory.sums);
@@ -332,9 +336,7 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
                 const float4 g = memory.pixels[y][column];
                 float of_pixel;
                 if constexpr (kIsLens<Lens>)
-                    of_pixel =
-                        lens_fragment_alpha<float, float>(lens_shape_of(lens, group, i), b.y, ray_of(lens, y, column))
-                            .alpha;
+                    of_pixel = lens_fragment_alpha<float, float>(lens_shape_of(lens, group, i), b.y, rays.at[y]).alpha;
                 else
                     of_pixel =
                         fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, px, corner.y + y + 0.5f)
@@ -369,8 +371,8 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
         } else {
             pass(std::false_type{});
         }
-        add_gradients<kFixedOrder>(memory, lens, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile, lane,
-                                   sums);
+        add_gradients<kFixedOrder>(memory, lens, rays, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile,
+                                   lane, sums);
         target = next;
     }
     __syncwarp();  // before the next chunk overwrites data that slower lanes may still read

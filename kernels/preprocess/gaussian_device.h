@@ -55,7 +55,8 @@ GS_HD LensShape<Real> set_outline(Splat<Real>& s, const CameraParams<Real>& came
                                 k * s.a,
                                 Real(2) * k * s.b,
                                 k * s.c};
-    p.cov2d = lens_outline(camera, p, touch_threshold(s));
+    const Outline<Real> outline = lens_outline(camera, p, s.mean, touch_threshold(s));
+    s.mean = outline.center, p.cov2d = outline.cov2d;
     p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
     const Real inverse = Real(1) / p.det;
     s.a = p.cov2d.yy * inverse, s.b = -(p.cov2d.xy * inverse), s.c = p.cov2d.xx * inverse;

@@ -152,32 +152,89 @@ GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T thresho
     return {int(r.x_min), int(r.x_max), int(r.y_min), int(r.y_max)};
 }
 
-/// Returns the covariance of an ellipse on screen, around the image point of the mean, that holds all pixels which a
-/// splat through a lens may reach: those whose power is at most `threshold`.
-template <class T> GS_HD Sym2<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p, T threshold) {
+/// Returns the x at which a splat is nearest to x0, if the image repeats after `period` pixels.
+template <class T> GS_HD T nearest_repeat(T x, T x0, T period) {
+    return x + period * gs_floor((x0 - x) / period + T(0.5));
+}
+
+/// An ellipse on screen: its centre, pixels, and the covariance of the Gaussian that has it as a level set.
+template <class T> struct Outline {
+    Vec2<T> center;
+    Sym2<T> cov2d;
+};
+
+/// Returns an ellipse that holds all pixels which a splat through a lens may reach: those whose power is at most
+/// `threshold`, as the level set of this power. `mean` is the image point of the mean.
+template <class T>
+GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& mean, T threshold) {
+    constexpr double kPi = 3.14159265358979323846;
     const T g11 = cam.fx * p.at.x.x, g12 = cam.fx * p.at.x.y, g21 = cam.fy * p.at.y.x, g22 = cam.fy * p.at.y.y;
     const T of_g = T(1) / (g11 * g22 - g12 * g21);
-    // The largest extent in the tangent plane, radians: the trace of G^-1 S G^-T bounds its largest variance.
+    // The largest extent in the tangent plane: the sine of an angle.
     const Sym2<T>& s = p.cov2d;
     const T v1 = (g22 * g22 * s.xx - T(2) * g22 * g12 * s.xy + g12 * g12 * s.yy) * of_g * of_g;
     const T v2 = (g21 * g21 * s.xx - T(2) * g21 * g11 * s.xy + g11 * g11 * s.yy) * of_g * of_g;
-    const T h2 = T(2) * threshold, rho2 = h2 * (v1 + v2), rho = gs_sqrt(rho2);
-    T most = T(kMostLensExtent);
-    // Near the poles of a 360-degree image no ellipse is an outline.
-    if (cam.lens.wraps()) most = gs_min(most, T(0.7) * gs_sqrt(gs_max(T(1) - p.at.axis.y * p.at.axis.y, T(0))));
-    if (!(rho < most)) return {T(kMaxVariance2d), T(0), T(kMaxVariance2d)};
+    const T v12 = (g22 * g11 * s.xy - g22 * g21 * s.xx - g12 * g11 * s.yy + g12 * g21 * s.xy) * of_g * of_g;
+    const T h2 = T(2) * threshold;
+    const T rho2 = h2 * (T(0.5) * (v1 + v2) + gs_sqrt(T(0.25) * (v1 - v2) * (v1 - v2) + v12 * v12)),
+            rho = gs_sqrt(rho2);
+    if (!(rho < T(kMostLensExtent))) return {mean, {T(kMaxVariance2d), T(0), T(kMaxVariance2d)}};
+    // Near the poles of a 360-degree image the outline is a band of rows.
+    if (cam.lens.wraps() && rho > T(0.7) * gs_sqrt(gs_max(T(1) - p.at.axis.y * p.at.axis.y, T(0)))) {
+        const T rows = gs_atan2(rho, gs_sqrt(T(1) - rho2)) * cam.fy * T(1 / kPi);
+        return {mean, {T(kMaxVariance2d), T(0), rows * rows / h2}};
+    }
     const auto norm2 = [](const Jet<T>& j, T focal) {
         return focal * focal * (j.xx * j.xx + T(2) * j.xy * j.xy + j.yy * j.yy);
     };
     // The image point is off its linear continuation by half the second derivatives, and by terms of the third order.
     const T bend = T(0.65) * gs_sqrt(norm2(p.at.x, cam.fx) + norm2(p.at.y, cam.fy)) * rho2 +
                    T(2) * gs_sqrt(g11 * g11 + g12 * g12 + g21 * g21 + g22 * g22) * rho * rho2;
-    // The ellipse sqrt(h2 S) and a disc of radius `bend`, added up, lie in that of (1 + 1/t) S + (1 + t) bend^2 / h2.
     const T half = T(0.5) * (s.xx + s.yy), apart = T(0.5) * (s.xx - s.yy);
     const T least = gs_max(half - gs_sqrt(apart * apart + s.xy * s.xy), T(kMinDeterminant));
-    const T ratio = bend / gs_sqrt(h2 * least);  // 1/t
-    const T grow = T(1) + ratio, round = bend * bend * (T(1) + T(1) / gs_max(ratio, T(1e-6))) / h2;
-    return {grow * s.xx + round, grow * s.xy, grow * s.yy + round};
+    const T ratio = bend / gs_sqrt(h2 * least);
+    if (ratio < T(0.05)) {
+        // The ellipse sqrt(h2 S) and a disc of radius `bend`, added up, lie in this multiple of the ellipse.
+        const T grow = (T(1) + ratio) * (T(1) + ratio);
+        return {mean, {grow * s.xx, grow * s.xy, grow * s.yy}};
+    }
+    // Points of a circle that L = chol(h2 S) maps to the ellipse, and what the contour is off there.
+    constexpr int kPoints = 24;
+    const T turn_cosine = T(0.96592582628906829), turn_sine = T(0.25881904510252076);
+    const T l11 = gs_sqrt(h2 * s.xx), l21 = h2 * s.xy / l11, l22 = gs_sqrt(h2 * p.det / s.xx);
+    Vec2<T> circle[kPoints], off[kPoints], center{T(0), T(0)};
+    for (int k = 0; k < kPoints; ++k) {
+        const Vec2<T> u = k == 0 ? Vec2<T>{T(1), T(0)}
+                                 : Vec2<T>{turn_cosine * circle[k - 1].x - turn_sine * circle[k - 1].y,
+                                           turn_sine * circle[k - 1].x + turn_cosine * circle[k - 1].y};
+        const Vec2<T> e{l11 * u.x, l21 * u.x + l22 * u.y};
+        const T y1 = (g22 * e.x - g12 * e.y) * of_g, y2 = (g11 * e.y - g21 * e.x) * of_g;
+        const Vec2<T> at =
+            lens_point(cam.lens, p.at.axis * gs_sqrt(T(1) - y1 * y1 - y2 * y2) + p.at.e1 * y1 + p.at.e2 * y2);
+        T x = cam.fx * at.x + cam.cx;
+        if (cam.lens.wraps()) x = nearest_repeat(x, mean.x, cam.period());
+        circle[k] = u, off[k] = Vec2<T>{x, cam.fy * at.y + cam.cy} - mean - e;
+        center = center + off[k] * T(1.0 / kPoints);
+    }
+    // An ellipse that is longer where the contour is off, L M L^T, and large enough for all of its points and between.
+    const T share = T(4.0 / kPoints);
+    Sym2<T> m{T(1), T(0), T(1)};
+    for (Vec2<T>& d : off) {
+        const T x = (d.x - center.x) / l11;
+        d = {x, (d.y - center.y - l21 * x) / l22};
+        m = {m.xx + share * d.x * d.x, m.xy + share * d.x * d.y, m.yy + share * d.y * d.y};
+    }
+    const T of_det = T(1) / (m.xx * m.yy - m.xy * m.xy);
+    T size = T(0);
+    for (int k = 0; k < kPoints; ++k) {
+        const Vec2<T> q = circle[k] + off[k];
+        size = gs_max(size, of_det * (m.yy * q.x * q.x - T(2) * m.xy * q.x * q.y + m.xx * q.y * q.y));
+    }
+    const T grow = T(1.05) * size / h2;
+    const T a = l11 * l11, b = l11 * l21, ab = l11 * l22;
+    return {mean + center,
+            {grow * a * m.xx, grow * (b * m.xx + ab * m.xy),
+             grow * (l21 * l21 * m.xx + T(2) * l21 * l22 * m.xy + l22 * l22 * m.yy)}};
 }
 
 /// Returns the pixel rectangle in an image whose left and right borders are the same place. A rectangle across them
@@ -195,11 +252,6 @@ GS_HD PixelBounds wrapped_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T thres
     if (x_max > width)  // the last tile of a row may be cut by the border
         x_max = gs_min(x_max + width_padded - width, x_min / kTileWidth * kTileWidth + width_padded);
     return {x_min, x_max, rows.y_min, rows.y_max};
-}
-
-/// Returns the x at which a splat is nearest to x0, if the image repeats after `period` pixels.
-template <class T> GS_HD T nearest_repeat(T x, T x0, T period) {
-    return x + period * gs_floor((x0 - x) / period + T(0.5));
 }
 
 /// Returns the minimum of the power 1/2 d^T Q d over the rectangle of pixel centres [x0+.5, x0+.5+extent_x] x [y0+.5,

@@ -39,9 +39,9 @@ inline constexpr double kMaxRawOpacity = 10;
 /// Margin around the image, as a fraction of its size, up to which the projection's Jacobian is evaluated (3DGS: 1.3
 /// tan(fov/2)).
 inline constexpr double kFrustumMargin = 0.15;
-/// Largest extent of a splat through a lens whose outline on screen is an ellipse, radians. A larger one may reach all
-/// pixels.
-inline constexpr double kMostLensExtent = 0.7;
+/// Largest extent of a splat through a lens whose outline on screen is an ellipse, as the sine of an angle. A larger
+/// one may reach all pixels.
+inline constexpr double kMostLensExtent = 0.95;
 inline constexpr double kLog2E = 1.4426950408889634;
 
 /// A tile of the CPU has 16x16 pixels, which are 16 blocks of 4x4, so that one lane operation tests all blocks of a

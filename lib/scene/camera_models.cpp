@@ -257,6 +257,8 @@ std::optional<Vector2d> project(const LensCamera& lens, const Vector3d& point) {
     }
     const std::optional<DirectionMap> map = map_direction(lens, kernel, point);
     if (!map || !(map->determinant > 0)) return {};
+    // A lens that turned back at its fold and has passed its centre since is one to one again, on the other side.
+    if (map->value.dot(point.head<2>()) < 0 && point.head<2>().norm() > 0.1 * point.norm()) return {};
     return Vector2d(lens.fx * map->value.x() + lens.cx, lens.fy * map->value.y() + lens.cy);
 }
 

@@ -35,6 +35,7 @@ enum class Seen {
 inline Seen seen(const Camera& camera, const Eigen::Vector3d& point) {
     const CameraParams<double> planes{};
     const Eigen::Vector3d p = camera.rotation * point + camera.translation;
+    if (!camera.is_used_at(p)) return Seen::kNot;
     const std::optional<Eigen::Vector2d> at = project(camera, p);
     if (!at || !(at->x() >= 0 && at->y() >= 0 && at->x() < camera.width && at->y() < camera.height)) return Seen::kNot;
     const double depth = is_pinhole(camera) ? p.z() : p.norm();

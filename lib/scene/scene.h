@@ -34,6 +34,10 @@ struct Camera : LensCamera {
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< translation of cam_from_world
 
     Eigen::Vector3d center() const { return -rotation.transpose() * translation; }
+    /// Returns whether the lens is used at a direction of the camera's frame; a pinhole is everywhere.
+    bool is_used_at(const Eigen::Vector3d& direction) const {
+        return is_pinhole(*this) || direction.z() >= std::cos(range.max_angle) * direction.norm();
+    }
 };
 
 /// The pixels of a view at the training size, ready for the loss.

@@ -123,9 +123,9 @@ TEST(Lens, OutlinesHoldAllPixelsThatSplatsReach) {
                 rays.push_back(
                     lens_ray(camera.lens, (x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy));
         std::int64_t reached = 0, in_outline = 0;
-        for (int i = 0; i < 400; ++i) {
-            const double share = 1.15 * double(i) / 400, distance = 3;
-            const Vec3<double> direction = test.lens.wraps() ? direction_at(M_PI * double(i) / 400, 2.1 * i)
+        for (int i = 0; i < 1200; ++i) {
+            const double share = 1.15 * double(i) / 1200, distance = 3;
+            const Vec3<double> direction = test.lens.wraps() ? direction_at(M_PI * double(i) / 1200, 2.1 * i)
                                                              : direction_at(share * test.lens.max_angle, 2.1 * i);
             const Vec3<double> cam =
                 test.lens.wraps() ? Vec3<double>{direction.x, direction.z, direction.y} : direction;

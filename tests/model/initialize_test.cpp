@@ -184,6 +184,21 @@ TEST(Initialize, RandomPointsLieInTheBoxAndInAFrustum) {
               std::int64_t(cloud.positions.size()));
 }
 
+TEST(Initialize, RandomPointsBeyondTheFoldOfALensAreNotSeen) {
+    // r (1 + 0.058 r^2 - 0.08 r^4) turns back at 54 degrees and has passed the centre again at 66.
+    Scene scene;
+    scene.random_init_half_extent = 1.5;
+    View view = camera_at({0, 0, -2});
+    view.camera.model = CameraModel::kOpenCV;
+    view.camera.distortion = {0.058, -0.08};
+    view.camera.range = lens_range(view.camera);
+    scene.train = {view};
+    const PointCloud cloud = initial_points(scene, {.random_points = 20000, .seed = 3});
+    EXPECT_GT(cloud.positions.size(), 1000u);
+    for (const Eigen::Vector3f& p : cloud.positions)
+        EXPECT_LE(p.head<2>().norm(), 0.42f * (p.z() + 2)) << "the corner of the image";
+}
+
 TEST(Initialize, RealScenesWithoutPointsUseTheCameras) {
     Scene scene;
     scene.extent = 0.5;

@@ -162,6 +162,7 @@ TEST(CameraModels, PointsBehindAndBeyondTheFoldHaveNoPixel) {
     const LensCamera lens = make_lens_camera(M::kSimpleRadial, 100, 100, std::vector<double>{100, 50, 50, -0.2});
     EXPECT_TRUE(project(lens, {1.2, 0, 1}));
     EXPECT_FALSE(project(lens, {1.4, 0, 1}));
+    EXPECT_FALSE(project(lens, {2.5, 0, 1})) << "on the other side, where it is one to one again";
     EXPECT_FALSE(unproject(lens, {50 + 90.0, 50}));
 }
 

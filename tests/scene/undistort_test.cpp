@@ -49,7 +49,7 @@ TEST(Undistort, ResultIsThePinholeViewOfTheSameRays) {
         // Barrel distortion squeezes the view: without blank pixels its pinhole image is larger, pincushion smaller.
         EXPECT_EQ(camera.width > lens.width, k1 < 0);
         EXPECT_DOUBLE_EQ(camera.cx, lens.cx * camera.width / lens.width);
-        const ViewImage out = undistort({distorted_pattern(lens), {}}, lens, camera);
+        const ViewImage out = undistort({distorted_pattern(lens), {}}, Camera{lens, {M_PI}}, camera);
         EXPECT_FALSE(out.mask) << "the size rule leaves no blank pixels";
         double worst = 0;
         for (int y = 0; y < camera.height; ++y)
@@ -69,7 +69,7 @@ TEST(Undistort, MaskFollowsTheColour) {
     const int mx = 20, my = 70;
     for (int y = my - 4; y <= my + 4; ++y)
         for (int x = mx - 4; x <= mx + 4; ++x) mask.u8[y * lens.width + x] = 0;
-    const ViewImage out = undistort({color, mask}, lens, camera);
+    const ViewImage out = undistort({color, mask}, Camera{lens, {M_PI}}, camera);
     ASSERT_TRUE(out.mask);
     const auto at = project(camera, *unproject(lens, {mx + 0.5, my + 0.5}));
     EXPECT_EQ(out.mask->value(int(at->x()), int(at->y()), 0), 0);
