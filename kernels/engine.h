@@ -42,6 +42,8 @@ class DeviceModel {
     virtual Gaussians download(Download what) = 0;
     virtual RowCounts counts() const = 0;
     virtual void set_active_degree(int degree) = 0;
+    /// Implements Backend::update_smoothing for the engine's own rows.
+    virtual void update_smoothing(const std::vector<CameraParams<float>>& cameras) = 0;
     /// Replaces PPISP and leaves the Gaussians unchanged.
     virtual void upload_ppisp(const PpispState& state) = 0;
 

@@ -7,6 +7,7 @@
 #include "appearance/model_info.h"
 #include "eval/runs/run_scene.h"
 #include "kernels/base/error.h"
+#include "kernels/splat/smoothing.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -38,6 +39,7 @@ SavedModel from_ply(const RunFolder& folder, std::int64_t iteration) {
 
 SavedModel from_checkpoint(const fs::path& path) {
     Checkpoint checkpoint = read_checkpoint(path);
+    merge_smoothing(checkpoint.state);
     return {.state = std::move(checkpoint.state), .iteration = checkpoint.iteration, .frame = checkpoint.frame};
 }
 

@@ -37,6 +37,11 @@ struct CudaModel {
     }
     /// Returns the number of rows for which the opacities have room.
     std::size_t row_capacity() const { return param[int(Group::kOpacity)].capacity(); }
+    /// Returns the variances of the 3-D filter, (count), or null without it.
+    float* smoothing() const {
+        const int g = int(Group::kSmoothing);
+        return width[g] > 0 ? param[g].get() : nullptr;
+    }
     ModelArrays arrays() const {
         ModelArrays a{};
         for (int g = 0; g < kNumGroups; ++g)

@@ -51,7 +51,7 @@ __device__ void count_in_block(bool condition, unsigned long long* counter) {
     if (threadIdx.x == 0 && n > 0) atomicAdd(counter, static_cast<unsigned long long>(n));
 }
 
-__global__ void decide_fates(std::int64_t n, AdcRule rule, const float* raw_opacities, const float* rotations,
+__global__ void decide_fates(std::int64_t n, AdcRule rule, ShownOpacities opacities, const float* rotations,
                              const float* log_scales, unsigned char* fates, AdcCounts* counts) {
     const std::int64_t i = thread_row();
     bool cloned = false, split = false;
@@ -61,7 +61,8 @@ __global__ void decide_fates(std::int64_t n, AdcRule rule, const float* raw_opac
         const bool grows = fates[i] & kGrows;
         cloned = grows && rule.is_small(scale), split = grows && !cloned;
         // A clone equals its original, and both children have the same scale, so one test decides for both.
-        if (rule.is_kept(raw_opacities[i], rotations + 4 * i, split ? scale - kLogSplitShrink : scale)) {
+        const float shift = split ? -kLogSplitShrink : 0.0f;
+        if (rule.is_kept(opacities(i, shift), rotations + 4 * i, scale + shift)) {
             fate = split ? kChildrenStay : kOriginalStays;
             if (cloned) fate |= kCloneStays;
         }
@@ -189,7 +190,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
             }
         }
         GS_CUDA(cudaMemsetAsync(space.counts, 0, sizeof counts, stream_));
-        decide_fates<<<blocks, kRowBlock, 0, stream_>>>(n, rule, param(Group::kOpacity), param(Group::kRotation),
+        decide_fates<<<blocks, kRowBlock, 0, stream_>>>(n, rule, shown_opacities(model_), param(Group::kRotation),
                                                         param(Group::kScale), space.fates, space.counts);
         GS_CUDA_LAUNCHED("decide_fates");
         counts = read_back(space.counts, stream_);

@@ -65,10 +65,11 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
     for (const auto& [gradient, i] : growers)
         if (!rule.is_small(max_scale(i))) split(s, i, iteration, seed), remove[i] = 1, ++stats.split;
 
+    const auto shown = ShownOpacities::of(s);
     std::vector<std::uint32_t> keep;
     for (std::int64_t i = 0; i < s.count; ++i) {
         if (i < before && remove[i]) continue;
-        if (rule.is_kept(s[Group::kOpacity].param[i], &s[Group::kRotation].param[4 * i], max_scale(i)))
+        if (rule.is_kept(shown(i), &s[Group::kRotation].param[4 * i], max_scale(i)))
             keep.push_back(std::uint32_t(i));
         else
             ++stats.pruned;

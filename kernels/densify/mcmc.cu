@@ -12,10 +12,11 @@ namespace gs {
 namespace {
 
 struct IsDead {
-    const float *raw_opacities, *rotations;
+    ShownOpacities opacities;
+    const float* rotations;
     float dead_logit;
     __host__ __device__ bool operator()(std::uint32_t i) const {
-        return is_dead(raw_opacities[i], rotations + 4 * std::int64_t(i), dead_logit);
+        return is_dead(opacities(i), rotations + 4 * std::int64_t(i), dead_logit);
     }
 };
 
@@ -23,7 +24,7 @@ struct IsDead {
 struct LivingWeight {
     IsDead is_dead;
     __host__ __device__ std::uint64_t operator()(std::uint32_t i) const {
-        return is_dead(i) ? 0 : sampling_weight(is_dead.raw_opacities[i]);
+        return is_dead(i) ? 0 : sampling_weight(is_dead.opacities.raw_opacities[i]);
     }
 };
 
@@ -124,8 +125,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
     if (n == 0) return stats;
     CudaResidualHandles residuals(model_, stream_);
     const std::int64_t target = mcmc_target(n, params);
-    const IsDead is_dead{model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(),
-                         logit(params.min_opacity)};
+    const IsDead is_dead{shown_opacities(model_), model_.param[int(Group::kRotation)].get(), logit(params.min_opacity)};
     McmcSpace space;
     CubSpace cub;
     const auto select = [&](void* m, std::size_t& b) {
@@ -137,9 +137,9 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
         };
     };
     const auto scan_living = scan_of(LivingWeight{is_dead});
-    const auto scan_growth =
-        scan_of(GrowthWeight{is_dead.raw_opacities, params.by_gradient ? model_.v[int(Group::kBase)].get() : nullptr,
-                             model_.has_last_step ? model_.last_step.get() : nullptr, double(step)});
+    const auto scan_growth = scan_of(
+        GrowthWeight{is_dead.opacities.raw_opacities, params.by_gradient ? model_.v[int(Group::kBase)].get() : nullptr,
+                     model_.has_last_step ? model_.last_step.get() : nullptr, double(step)});
     cub.ask(select), cub.ask(scan_living), cub.ask(scan_growth);
     scratch_.carve([&](Carver& c) {
         space = {c.take<std::uint64_t>(n), c.take<int>(n), c.take<std::uint32_t>(n),

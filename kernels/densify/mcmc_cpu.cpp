@@ -42,12 +42,13 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
     ResidualHandles residuals(s);
     const std::int64_t n = s.count;
     const float* raw_opacities = s[Group::kOpacity].param.data();
+    const auto shown = ShownOpacities::of(s);
     const float dead_logit = logit(params.min_opacity);
     std::vector<std::uint64_t> sums(n);
     std::vector<std::uint32_t> to;
     std::uint64_t total = 0;
     for (std::int64_t i = 0; i < n; ++i) {
-        const bool dead = is_dead(raw_opacities[i], &s[Group::kRotation].param[4 * i], dead_logit);
+        const bool dead = is_dead(shown(i), &s[Group::kRotation].param[4 * i], dead_logit);
         if (dead) to.push_back(static_cast<std::uint32_t>(i));
         sums[i] = total += dead ? 0 : sampling_weight(raw_opacities[i]);
     }

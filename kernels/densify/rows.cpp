@@ -67,9 +67,9 @@ std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups
 }
 
 std::int64_t remove_invisible(Gaussians& state) {
-    return keep_if(state, [&](std::int64_t i) {
-        return is_visible(state[Group::kOpacity].param[i], &state[Group::kRotation].param[4 * i]);
-    });
+    const auto opacities = ShownOpacities::of(state);
+    return keep_if(state,
+                   [&](std::int64_t i) { return is_visible(opacities(i), &state[Group::kRotation].param[4 * i]); });
 }
 
 std::vector<std::uint32_t> morton_order(const Gaussians& state) {

@@ -67,10 +67,10 @@ __global__ void mark_nonfinite_rows(std::int64_t n, int width, const float* valu
         }
 }
 
-__global__ void mark_invisible_rows(std::int64_t n, const float* raw_opacities, const float* rotations,
+__global__ void mark_invisible_rows(std::int64_t n, ShownOpacities opacities, const float* rotations,
                                     unsigned char* marked) {
     const std::int64_t i = thread_row();
-    if (i < n) marked[i] = !is_visible(raw_opacities[i], rotations + 4 * i);
+    if (i < n) marked[i] = !is_visible(opacities(i), rotations + 4 * i);
 }
 
 }  // namespace
@@ -145,7 +145,7 @@ std::int64_t CudaDensify::prune_invisible() {
     if (n == 0) return 0;
     PruneSpace space(model_, scratch_, stream_);
     mark_invisible_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(
-        n, model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(), space.marked);
+        n, shown_opacities(model_), model_.param[int(Group::kRotation)].get(), space.marked);
     GS_CUDA_LAUNCHED("mark_invisible_rows");
     return space.remove_marked();
 }

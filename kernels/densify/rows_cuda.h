@@ -7,6 +7,7 @@
 #include <cub/device/device_select.cuh>
 
 #include "kernels/cuda/model_cuda.h"
+#include "kernels/densify/rows_device.h"
 
 namespace gs {
 
@@ -73,6 +74,10 @@ struct CubSpace {
         GS_CUDA(call(static_cast<void*>(memory), b));
     }
 };
+
+inline ShownOpacities shown_opacities(const CudaModel& model) {
+    return {model.param[int(Group::kOpacity)].get(), model.param[int(Group::kScale)].get(), model.smoothing()};
+}
 
 /// Returns the row indices 0, 1, ... as an input of CUB.
 inline thrust::counting_iterator<std::uint32_t> row_indices() { return thrust::counting_iterator<std::uint32_t>(0); }

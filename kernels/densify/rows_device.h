@@ -2,7 +2,7 @@
 // Properties of one row: whether it can be seen, whether its values are valid, and its position on the Morton curve.
 #pragma once
 
-#include "kernels/splat/projection_device.h"
+#include "kernels/splat/smoothing_device.h"
 #include "kernels/state/gaussian_state.h"
 
 namespace gs {
@@ -18,10 +18,28 @@ GS_HD bool is_visible(float raw_opacity, const float* q) {
     return sigmoid(raw_opacity) >= float(kMinAlpha) && usable_rotation(q);
 }
 
+/// The raw opacities of Gaussians whose 3-D filter is part of their scale: what views show of them.
+struct ShownOpacities {
+    const float *raw_opacities, *log_scales, *smoothing;  ///< `smoothing` is null without a filter
+
+    static ShownOpacities of(const Gaussians& model) {
+        const auto& smoothing = model[Group::kSmoothing];
+        return {model[Group::kOpacity].param.data(), model[Group::kScale].param.data(),
+                smoothing.width > 0 ? smoothing.param.data() : nullptr};
+    }
+    /// Returns that of row i, with log scales larger by `shift`.
+    GS_HD float operator()(std::int64_t i, float shift = 0) const {
+        if (!smoothing) return raw_opacities[i];
+        const float* s = log_scales + 3 * i;
+        const Vec3<double> log_scale{s[0] + shift, s[1] + shift, s[2] + shift};
+        return float(smoothed(log_scale, double(raw_opacities[i]), double(smoothing[i])).raw_opacity);
+    }
+};
+
 /// Largest magnitude of the parameters of each group. Training neither reaches it from valid values nor returns from
 /// it: at its rate a base colour needs a million steps to 1e3, and the fastest residual needs 2000 steps in one
 /// direction to 5e3. A Gaussian beyond it is broken like one with a NaN, and removed likewise.
-inline constexpr float kLargestParameter[kNumGroups] = {1e15f, 1e3f, 1e8f, 1e3f, 1e3f, 5e3f};
+inline constexpr float kLargestParameter[kNumGroups] = {1e15f, 1e3f, 1e8f, 1e3f, 1e3f, 5e3f, 1e30f};
 
 /// Returns whether |x| is at most `largest`; false for NaN.
 GS_HD bool in_range(float x, float largest) { return gs_abs(x) <= largest; }

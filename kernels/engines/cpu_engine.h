@@ -15,6 +15,7 @@
 #include "kernels/loss/loss.h"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/ppisp/ppisp.h"
+#include "kernels/splat/smoothing_device.h"
 #include "kernels/splat/splat_order.h"
 
 namespace gs {
@@ -41,7 +42,7 @@ template <class Model> class CpuEngine : public Engine {
         if (what == Download::kAll) return state_;
         Gaussians out;
         out.count = state_.count, out.appearance = state_.appearance, out.active_degree = state_.active_degree,
-        out.step = state_.step;
+        out.step = state_.step, out.antialiased = state_.antialiased;
         if (what == Download::kPpisp) return out.ppisp = state_.ppisp, out;
         for (int g = 0; g < kNumGroups; ++g) {
             out.groups[g].width = state_.groups[g].width;
@@ -55,6 +56,14 @@ template <class Model> class CpuEngine : public Engine {
     }
     RowCounts counts() const override { return {state_.count, state_.num_residuals()}; }
     void set_active_degree(int degree) override { state_.active_degree = degree; }
+    void update_smoothing(const std::vector<CameraParams<float>>& cameras) override {
+        auto& smoothing = state_[Group::kSmoothing];
+        if (smoothing.width == 0) return;
+        const auto params = ParameterView<float>::of(state_);
+        parallel_for_rows(state_.count, [&](std::int64_t i) {
+            smoothing.param[std::size_t(i)] = smoothing_variance(params.mean(i), cameras.data(), int(cameras.size()));
+        });
+    }
     void upload_ppisp(const PpispState& state) override {
         state_.ppisp = state;
         allocate_moments(state_.ppisp);

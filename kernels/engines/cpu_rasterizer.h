@@ -348,6 +348,7 @@ template <class Real, class Model> class CpuRasterizer {
 template <class Model> std::vector<double> render_in_double_as(const Gaussians& model, const RenderRequest& request) {
     GaussianState<double> state;
     state.count = model.count, state.appearance = model.appearance, state.active_degree = model.active_degree;
+    state.antialiased = model.antialiased;
     const auto widen = [](const GroupArrays<float>& from, GroupArrays<double>& to) {
         to.width = from.width;
         to.param.assign(from.param.begin(), from.param.end());

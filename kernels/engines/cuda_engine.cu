@@ -13,6 +13,7 @@
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/densify/rows_cuda.h"
 #include "kernels/loss/loss_cuda.h"
+#include "kernels/splat/smoothing_device.h"
 
 namespace gs {
 namespace {
@@ -77,6 +78,13 @@ template <class Group> void unpack(Group& group) {
     }
 }
 
+__global__ void find_smoothing(std::int64_t n, const float* means, const CameraParams<float>* cameras, int num_cameras,
+                               float* out) {
+    const std::int64_t i = std::int64_t(blockIdx.x) * kBlock + threadIdx.x;
+    if (i >= n) return;
+    out[i] = smoothing_variance(Vec3<float>{means[3 * i], means[3 * i + 1], means[3 * i + 2]}, cameras, num_cameras);
+}
+
 __global__ void round_to_half(std::size_t n, const float* values, __half* out) {
     const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
     if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -float(kLargestHalf), float(kLargestHalf)));
@@ -137,6 +145,7 @@ void CudaEngine::upload(const Gaussians& state) {
     model_.broken = true;  // stays true if memory runs out
     meta_ = Gaussians{};
     meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
+    meta_.antialiased = state.antialiased;
     for (int g = 0; g < kNumGroups; ++g) {
         const auto& group = state.groups[g];
         meta_.groups[g].width = model_.width[g] = group.width;
@@ -216,6 +225,17 @@ void CudaEngine::set_active_degree(int degree) {
     if (degree == meta_.active_degree) return;
     synchronize();  // a repeated step must see the degree with which it began
     meta_.active_degree = degree;
+}
+
+void CudaEngine::update_smoothing(const std::vector<CameraParams<float>>& cameras) {
+    if (!model_.smoothing() || model_.count == 0) return;
+    synchronize();  // a repeated step must see the filter with which it began
+    DeviceBuffer<CameraParams<float>> on_device;
+    on_device.upload(cameras);
+    find_smoothing<<<num_blocks(model_.count, kBlock), kBlock, 0, stream_>>>(
+        model_.count, model_.param[int(Group::kMean)].get(), on_device.get(), int(cameras.size()), model_.smoothing());
+    GS_CUDA_LAUNCHED("find_smoothing");
+    GS_CUDA(cudaStreamSynchronize(stream_));
 }
 
 void CudaEngine::upload_ppisp(const PpispState& state) {
@@ -330,7 +350,9 @@ PreprocessArgs CudaEngine::preprocess_args(const CameraParams<float>& camera, Re
                                     model_.width[int(Group::kResidual)],
                                     model_.num_residuals(),
                                     meta_.appearance.activation,
-                                    model_.shared_param.get()};
+                                    model_.shared_param.get(),
+                                    model_.smoothing(),
+                                    meta_.antialiased};
     return {view,
             camera,
             kernels_.directional ? meta_.active_degree : 0,

@@ -46,6 +46,7 @@ class CudaEngine final : public Engine {
     Gaussians download(Download what) override;
     RowCounts counts() const override { return {model_.count, model_.num_residuals()}; }
     void set_active_degree(int degree) override;
+    void update_smoothing(const std::vector<CameraParams<float>>& cameras) override;
     void upload_ppisp(const PpispState& state) override;
     DensifyStats densify(const DensifyRequest& request) override;
     PruneStats prune(const PruneRequest& request) override;

@@ -36,12 +36,13 @@ GS_HD Vec3<Real> color_backward(ColorActivation activation, const Vec3<Real>& ba
 }
 
 /// Sets the conic and opacity of a splat from its projection.
-template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real>& p, Real raw_opacity) {
+template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real>& p, const GaussianGeometry<Real>& g) {
     const Real inv = Real(1) / p.det;
     s.a = p.cov2d.yy * inv;
     s.b = -p.cov2d.xy * inv;
     s.c = p.cov2d.xx * inv;
-    s.opacity = sigmoid(raw_opacity);
+    s.opacity = sigmoid(g.raw_opacity);
+    if (g.antialiased) s.opacity = s.opacity * p.compensation;
 }
 
 /// Replaces the conic of a splat through a lens by that of its outline on screen. Returns its own shape.
@@ -74,7 +75,8 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return false;
     depth = p.depth;
-    set_shape(s, p, g.raw_opacity);
+    set_shape(s, p, g);
+    if (g.antialiased && !(s.opacity >= cutoffs.alpha)) return false;
     s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
     s.threshold = splat_threshold(s.opacity, cutoffs.inverse_alpha);
     if (!camera.lens.is_pinhole()) *lens_shape = set_outline(s, camera, p);
@@ -93,7 +95,7 @@ GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams
     if (!project_geometry(g, camera, p)) return;
     out.visible = true;
     Splat<Real> splat;
-    set_shape(splat, p, g.raw_opacity);
+    set_shape(splat, p, g);
     const SplatGradient<Real> d = splat_gradient(splat, sums);
     out.mean2d = d.mean;
     out.geometry = project_backward(g, camera, p, splat.opacity, d);

@@ -24,12 +24,13 @@ template <int kWidth, class Real> void load_columns(const Real* rows, int n, Lan
 
 template <class Real>
 GaussianGeometry<Lanes<Real>> load_geometry(const ParameterView<Real>& params, std::int64_t first, int n) {
-    Lanes<Real> m[3], s[3], q[4], o[1];
+    Lanes<Real> m[3], s[3], q[4], o[1], f[1] = {};
     load_columns<3>(params.means + 3 * first, n, m);
     load_columns<3>(params.log_scales + 3 * first, n, s);
     load_columns<4>(params.rotations + 4 * first, n, q);
     load_columns<1>(params.raw_opacities + first, n, o);
-    return {{m[0], m[1], m[2]}, {s[0], s[1], s[2]}, {q[0], q[1], q[2], q[3]}, o[0]};
+    if (params.smoothing) load_columns<1>(params.smoothing + first, n, f);
+    return {{m[0], m[1], m[2]}, {s[0], s[1], s[2]}, {q[0], q[1], q[2], q[3]}, o[0], f[0], params.antialiased};
 }
 
 /// Returns one coordinate of the corners of sixteen tiles; index(lane) is the tile's index along that axis.
@@ -101,7 +102,7 @@ unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, cons
     if (!shown) return 0;
     project_shape(g, camera, p);
     auto& s = out.splats;
-    set_shape(s, p, g.raw_opacity);
+    set_shape(s, p, g);
     const L max_variance = L(Real(kMaxVariance2d));
     shown &= mask_bits(at_least(s.opacity, view.min_opacity) & at_least(p.det, L(Real(kMinDeterminant))) &
                        at_least(max_variance, p.cov2d.xx) & at_least(max_variance, p.cov2d.yy));

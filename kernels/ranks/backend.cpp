@@ -14,6 +14,7 @@
 #include "kernels/densify/residual_handles.h"
 #include "kernels/ppisp/ppisp.h"
 #include "kernels/ranks/message.h"
+#include "kernels/splat/smoothing.h"
 
 namespace gs {
 namespace {
@@ -73,10 +74,10 @@ template <class Object, auto... kFunctions> class CallTable {
 
 /// All functions that the ranks run together.
 using Calls = CallTable<Shard, &Shard::upload, &Shard::upload_ppisp, &Shard::download, &Shard::set_active_degree,
-                        &Shard::render, &Shard::step, &Shard::finish_steps, &Shard::take_nonfinite, &Shard::distill,
-                        &Shard::half_squared_error, &Shard::scores, &Shard::residual_scores, &Shard::densify,
-                        &Shard::prune_nonfinite, &Shard::prune_invisible, &Shard::keep_rows, &Shard::morton_sort,
-                        &Shard::take_reports, &Shard::measure_connection>;
+                        &Shard::update_smoothing, &Shard::render, &Shard::step, &Shard::finish_steps,
+                        &Shard::take_nonfinite, &Shard::distill, &Shard::half_squared_error, &Shard::scores,
+                        &Shard::residual_scores, &Shard::densify, &Shard::prune_nonfinite, &Shard::prune_invisible,
+                        &Shard::keep_rows, &Shard::morton_sort, &Shard::take_reports, &Shard::measure_connection>;
 constexpr std::uint32_t kStep = Calls::number<&Shard::step>(), kEnd = 0xffffffff;
 
 /// Largest ratio of a rank's number of Gaussians to the mean before all are dealt anew. Fair samples of one model stay
@@ -151,6 +152,7 @@ void Backend::upload(const Gaussians& state) { on_all<&Shard::upload>(&state); }
 Gaussians Backend::download(bool with_moments) {
     Gaussians whole;
     on_all<&Shard::download>(with_moments, &whole);
+    if (!with_moments) merge_smoothing(whole);
     return whole;
 }
 
@@ -164,6 +166,10 @@ std::int64_t Backend::num_residuals() const {
 }
 
 void Backend::set_active_degree(int degree) { on_all<&Shard::set_active_degree>(degree); }
+
+void Backend::update_smoothing(const std::vector<CameraParams<float>>& cameras) {
+    on_all<&Shard::update_smoothing>(cameras);
+}
 
 void Backend::upload_ppisp(const PpispState& state) { on_all<&Shard::upload_ppisp>(state); }
 

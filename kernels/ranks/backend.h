@@ -33,11 +33,16 @@ class Backend {
 
     /// Replaces the whole model. Moments that `state` lacks become 0.
     void upload(const Gaussians& state);
+    /// Returns the model with its moments, as a checkpoint needs it, or without them, as it is shown: then the 3-D
+    /// filter is part of the scales and opacities (merge_smoothing).
     Gaussians download(bool with_moments);
     std::int64_t count() const;
     /// Returns the number K of Gaussians that have a residual. They are the first rows of the model.
     std::int64_t num_residuals() const;
     void set_active_degree(int degree);
+    /// Sets the variance of the 3-D filter of each Gaussian by the sharpest of these cameras that sees it
+    /// (docs/math/rasterizer.md#antialiasing). Does nothing for a model without the filter.
+    void update_smoothing(const std::vector<CameraParams<float>>& cameras);
     /// Replaces PPISP and leaves the Gaussians unchanged.
     void upload_ppisp(const PpispState& state);
     /// Returns PPISP without moments.

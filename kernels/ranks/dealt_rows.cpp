@@ -51,7 +51,7 @@ Gaussians dealt_part(const Gaussians& model, int ranks, int rank) {
     Gaussians part;
     part.count = dealt_count(model.count, ranks, rank);
     part.appearance = model.appearance, part.active_degree = model.active_degree, part.step = model.step;
-    part.shared = model.shared, part.ppisp = model.ppisp;
+    part.antialiased = model.antialiased, part.shared = model.shared, part.ppisp = model.ppisp;
     const auto deal = [&](const std::vector<float>& from, int width, std::vector<float>& to) {
         if (from.empty() || width == 0) return;
         const std::int64_t rows = std::int64_t(from.size()) / width;
@@ -75,7 +75,7 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
     Gaussians model;
     const Gaussians& first = parts.front();
     model.appearance = first.appearance, model.active_degree = first.active_degree, model.step = first.step;
-    model.shared = first.shared, model.ppisp = first.ppisp;
+    model.antialiased = first.antialiased, model.shared = first.shared, model.ppisp = first.ppisp;
     std::vector<RowCounts> rows;
     for (const Gaussians& part : parts) {
         rows.push_back({part.count, part.num_residuals()});

@@ -46,7 +46,7 @@ template <class State, class Field> void visit_ppisp(State& s, Field&& field) {
 
 template <class Model, class Field> void visit_model(Model& s, Field&& field) {
     field(s.count), field(s.appearance.model), field(s.appearance.max_degree), field(s.appearance.activation);
-    field(s.active_degree), field(s.step);
+    field(s.active_degree), field(s.antialiased), field(s.step);
     const auto visit_group = [&](auto& group) {
         field(group.width), field(group.param), field(group.m), field(group.v);
     };

@@ -96,6 +96,7 @@ class Shard {
     /// Writes the model joined from the parts of all ranks.
     void download(bool with_moments, Gaussians* out);
     void set_active_degree(int degree) { engine_.set_active_degree(degree); }
+    void update_smoothing(const std::vector<CameraParams<float>>& cameras) { engine_.update_smoothing(cameras); }
     /// Renders views: view k on rank k modulo the number of ranks. The images are bitwise equal to those of a single
     /// rank.
     void render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>* out);

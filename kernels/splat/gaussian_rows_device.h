@@ -15,7 +15,9 @@ template <class Real> struct ParameterView {
     int residual_width;
     std::int64_t num_residuals;  ///< number of leading Gaussians with a residual; others have a view-independent colour
     ColorActivation activation;
-    const Real* shared;  ///< weights common to all Gaussians, or null
+    const Real* shared;     ///< weights common to all Gaussians, or null
+    const Real* smoothing;  ///< (N), variance of the 3-D filter, or null
+    bool antialiased;
 
     static ParameterView of(const GaussianState<Real>& s) {
         const auto p = [&](Group g) { return s[g].param.data(); };
@@ -29,13 +31,17 @@ template <class Real> struct ParameterView {
                 s[Group::kResidual].width,
                 s.num_residuals(),
                 s.appearance.activation,
-                s.shared.param.data()};
+                s.shared.param.data(),
+                s[Group::kSmoothing].width > 0 ? p(Group::kSmoothing) : nullptr,
+                s.antialiased};
     }
     GS_HD GaussianGeometry<Real> geometry(std::int64_t i) const {
         return {mean(i),
                 {log_scales[3 * i], log_scales[3 * i + 1], log_scales[3 * i + 2]},
                 {rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2], rotations[4 * i + 3]},
-                raw_opacities[i]};
+                raw_opacities[i],
+                smoothing ? smoothing[i] : Real(0),
+                antialiased};
     }
     GS_HD Vec3<Real> mean(std::int64_t i) const { return {means[3 * i], means[3 * i + 1], means[3 * i + 2]}; }
     GS_HD ViewDirection<Real> direction(std::int64_t i, const Vec3<Real>& camera_position) const {

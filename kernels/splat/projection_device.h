@@ -14,8 +14,10 @@ namespace gs {
 template <class T> struct GaussianGeometry {
     Vec3<T> mean;  ///< frame units
     Vec3<T> log_scale;
-    Vec4<T> rotation;  ///< (w,x,y,z) in the fields (x,y,z,w), so that x holds w; unnormalised
-    T raw_opacity;     ///< logit
+    Vec4<T> rotation;          ///< (w,x,y,z) in the fields (x,y,z,w), so that x holds w; unnormalised
+    T raw_opacity;             ///< logit
+    T smoothing{};             ///< variance of the 3-D filter, frame units squared
+    bool antialiased = false;  ///< as in GaussianState
 };
 
 /// A half-open rectangle of pixels.
@@ -30,13 +32,14 @@ template <class T> struct Projection {
     T depth;             ///< depth_of(cam)
     T u, v, uc, vc;      ///< normalised image coordinates, and their values clipped for the Jacobian of a pinhole
     Mat3<T> rotation;    ///< R(q)
-    Vec3<T> variance;    ///< exp(2 s)
+    Vec3<T> variance;    ///< exp(2 s), and the 3-D filter
     Sym3<T> covariance;  ///< R diag(variance) R^T, world
     T j11, j22;          ///< fx/z, fy/z
     Vec3<T> a1, a2;      ///< rows of J W
     LensPoint<T> at{};   ///< through a lens only
     Sym2<T> cov2d;       ///< with dilation
     T det;
+    T undilated_det{}, compensation{};  ///< antialiased only: det without dilation, and the factor of the opacity
 };
 
 /// Returns R(q) for an unnormalised q = (w,x,y,z).
@@ -65,17 +68,40 @@ template <class T> GS_HD Vec3<T> activated_variance(const Vec3<T>& s) {
     return {gs_exp(T(2) * gs_min(s.x, m)), gs_exp(T(2) * gs_min(s.y, m)), gs_exp(T(2) * gs_min(s.z, m))};
 }
 
-/// Computes the covariance on screen from the rows of J W.
+/// Returns the factor of an antialiased Gaussian's opacity by its 3-D filter, squared. `smoothed` includes the filter.
+template <class T> GS_HD T squared_smoothing_factor(const Vec3<T>& variance, const Vec3<T>& smoothed) {
+    return variance.x / smoothed.x * (variance.y / smoothed.y) * (variance.z / smoothed.z);
+}
+
+/// Returns the determinant of the covariance on screen without dilation. q = R^T n, n the cross product of the rows of
+/// J W, v the variances. Its terms have one sign, and do not cancel even for needles.
+template <class T> GS_HD T projected_determinant(const Vec3<T>& q, const Vec3<T>& v) {
+    return q.x * q.x * v.y * v.z + q.y * q.y * v.x * v.z + q.z * q.z * v.x * v.y;
+}
+
+/// Computes the covariance on screen from the rows of J W, and for an antialiased Gaussian the factor of its opacity.
 template <class T> GS_HD void project_covariance(const GaussianGeometry<T>& g, Projection<T>& p) {
     p.rotation = rotation_matrix(g.rotation);
     p.variance = activated_variance(g.log_scale);
+    if (g.antialiased) {
+        const Vec3<T> own = p.variance;
+        p.variance += Vec3<T>{g.smoothing, g.smoothing, g.smoothing};
+        p.compensation = squared_smoothing_factor(own, p.variance);
+        p.undilated_det = projected_determinant(p.rotation.transposed_times(cross(p.a1, p.a2)), p.variance);
+    }
     p.covariance = world_covariance(p.rotation, p.variance);
     const Vec3<T> sa1 = p.covariance * p.a1, sa2 = p.covariance * p.a2;
-    p.cov2d = {dot(p.a1, sa1) + T(kDilation), dot(p.a1, sa2), dot(p.a2, sa2) + T(kDilation)};
+    const T dilation = T(g.antialiased ? kAntialiasedDilation : kDilation);
+    p.cov2d = {dot(p.a1, sa1) + dilation, dot(p.a1, sa2), dot(p.a2, sa2) + dilation};
     p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
+    if (g.antialiased) {
+        const T det = p.undilated_det + dilation * (p.cov2d.xx + p.cov2d.yy - dilation);
+        p.compensation = gs_sqrt(p.compensation * (p.undilated_det / det));
+    }
 }
 
-/// Computes steps 4 to 8 of the forward pass for the mean in p.cam. It has no branches, so T may also be lanes.
+/// Computes steps 4 to 8 of the forward pass for the mean in p.cam. No branch depends on the Gaussian, so T may also be
+/// lanes.
 template <class T>
 GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
     const T inv_z = T(1) / p.cam.z;
@@ -332,19 +358,26 @@ GS_HD Vec3<T> lens_mean_backward(const CameraParams<T>& cam, const Projection<T>
     return cam.rotation.transposed_times((at.axis * along + at.e1 * across1 + at.e2 * across2) * inverse);
 }
 
-/// Computes steps 1 and 3 to 9 of the backward pass: all steps except the colour.
+/// Computes steps 1 and 3 to 9 of the backward pass: all steps except the colour. `opacity` is that on screen.
 template <class T>
 GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const CameraParams<T>& cam,
                                            const Projection<T>& p, T opacity, const SplatGradient<T>& d) {
     GeometryGradient<T> out;
-    out.raw_opacity = d.opacity * opacity * (T(1) - opacity);
+    const T dL_dlog_opacity = d.opacity * opacity;
+    out.raw_opacity = dL_dlog_opacity * (T(1) - (g.antialiased ? sigmoid(g.raw_opacity) : opacity));
 
     // Inverse of the 2-D covariance: G2 = -Q Gq Q.
     const T a = p.cov2d.xx, b = p.cov2d.xy, c = p.cov2d.yy, k = T(1) / (p.det * p.det);
     const T ga = d.conic.xx, gb = d.conic.xy, gc = d.conic.yy;
-    const T g_xx = k * (T(2) * b * c * gb - c * c * ga - b * b * gc);
-    const T g_xy = k * (b * c * ga - (a * c + b * b) * gb + a * b * gc);
-    const T g_yy = k * (T(2) * a * b * gb - b * b * ga - a * a * gc);
+    T g_xx = k * (T(2) * b * c * gb - c * c * ga - b * b * gc);
+    T g_xy = k * (b * c * ga - (a * c + b * b) * gb + a * b * gc);
+    T g_yy = k * (T(2) * a * b * gb - b * b * ga - a * a * gc);
+    if (g.antialiased) {  // the factor of the opacity
+        const T without = T(0.5) * dL_dlog_opacity / p.undilated_det, with = T(0.5) * dL_dlog_opacity / p.det;
+        g_xx = g_xx + without * (c - T(kAntialiasedDilation)) - with * c;
+        g_xy = g_xy + (with - without) * b;
+        g_yy = g_yy + without * (a - T(kAntialiasedDilation)) - with * a;
+    }
 
     // World covariance: G3 = A^T G2 A; J W: 2 G2 A Sigma.
     const Vec3<T> q1 = p.a1 * g_xx + p.a2 * g_xy, q2 = p.a1 * g_xy + p.a2 * g_yy;
@@ -359,6 +392,12 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
     const Vec3<T> h0 = g3 * c0, h1 = g3 * c1, h2 = g3 * c2;
     const Vec3<T>& var = p.variance;
     out.log_scale = {T(2) * var.x * dot(c0, h0), T(2) * var.y * dot(c1, h1), T(2) * var.z * dot(c2, h2)};
+    if (g.antialiased) {  // var includes the 3-D filter
+        const auto through_filter = [&](T d, T f2_of_var) { return d + (dL_dlog_opacity - d) * f2_of_var; };
+        out.log_scale = {through_filter(out.log_scale.x, g.smoothing / var.x),
+                         through_filter(out.log_scale.y, g.smoothing / var.y),
+                         through_filter(out.log_scale.z, g.smoothing / var.z)};
+    }
     const Vec3<T> m0 = h0 * (T(2) * var.x), m1 = h1 * (T(2) * var.y), m2 = h2 * (T(2) * var.z);
 
     // Gradient of the unnormalised q.

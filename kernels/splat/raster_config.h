@@ -6,6 +6,11 @@ namespace gs {
 
 /// Square pixels added to both diagonal entries of the 2-D covariance: the reconstruction filter of 3DGS.
 inline constexpr double kDilation = 0.3;
+/// The same for an antialiased model: slightly above 1/12, the variance of a pixel's box (Mip-Splatting).
+inline constexpr double kAntialiasedDilation = 0.1;
+/// Variance of the 3-D filter on screen where a training view shows a Gaussian at its sharpest, in square pixels
+/// (Mip-Splatting). With the dilation above it adds up to kDilation.
+inline constexpr double kSmoothingVariance = 0.2;
 /// Smallest determinant of a dilated covariance. Dilation makes it >= 0.09, so only cancellation gives a smaller value.
 inline constexpr double kMinDeterminant = 1e-6;
 /// Largest 2-D variance, in square pixels. A larger Gaussian is uniform over any image and its conic underflows.

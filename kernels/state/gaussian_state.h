@@ -14,10 +14,10 @@
 namespace gs {
 
 /// The parameter groups of one Gaussian, in file order. Densification treats all of them alike, as rows.
-enum class Group : int { kMean, kScale, kRotation, kOpacity, kBase, kResidual };
-inline constexpr int kNumGroups = 6;
-inline constexpr std::array<const char*, kNumGroups> kGroupNames = {"means",         "raw_scales",  "rotations",
-                                                                    "raw_opacities", "base_colors", "residuals"};
+enum class Group : int { kMean, kScale, kRotation, kOpacity, kBase, kResidual, kSmoothing };
+inline constexpr int kNumGroups = 7;
+inline constexpr std::array<const char*, kNumGroups> kGroupNames = {
+    "means", "raw_scales", "rotations", "raw_opacities", "base_colors", "residuals", "smoothing"};
 
 /// The values of one group, `width` per Gaussian, row-major (N, width).
 template <class Real> struct GroupArrays {
@@ -28,11 +28,15 @@ template <class Real> struct GroupArrays {
 
 /// All Gaussians of a model. The groups are means (N,3) in frame units; raw_scales (N,3), log; rotations (N,4), w,x,y,z
 /// unnormalised; raw_opacities (N,1), logit; base_colors (N,3), pre-activation with Y0 folded in; residuals (N,R) in
-/// the model's own layout.
+/// the model's own layout; smoothing (N,1), the variance of the 3-D filter in frame units squared, which follows from
+/// the training cameras and is in no gradient. Its width is 0 without the filter, as in every saved model.
 template <class Real> struct GaussianState {
     std::int64_t count = 0;
     AppearanceSpec appearance;
     int active_degree = 0;
+    /// Whether splats are dilated by kAntialiasedDilation and their opacity compensates for it
+    /// (docs/math/rasterizer.md#antialiasing).
+    bool antialiased = false;
     std::int64_t step = 0;  ///< optimizer steps, including skipped ones; Adam's t
     std::array<GroupArrays<Real>, kNumGroups> groups;
     /// Weights shared by all Gaussians, one row in the model's own layout; width 0 if the model has none.

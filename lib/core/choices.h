@@ -43,6 +43,8 @@ enum class AlphaMode { kTransparent, kMask };
 /// The treatment of photographs whose lens is no pinhole; kNative: they are used as they are, kUndistort: resampled to
 /// a pinhole image, kAuto: as they are where a pinhole image would lose a part of them.
 enum class LensMode { kAuto, kNative, kUndistort };
+/// Whether the model is antialiased; kAuto: as the Gaussians that it begins with.
+enum class Antialiasing { kOff, kOn, kAuto };
 /// The precision of the appearance residual when rendering.
 enum class AppearanceStorage { kFp32, kFp16 };
 /// The precision of Adam's moments for the residual.
@@ -61,6 +63,7 @@ inline constexpr auto kWordsOf<Preset> = std::to_array<std::string_view>({"none"
 template <> inline constexpr auto kWordsOf<SizeOf> = std::to_array<std::string_view>({"web", "ply", "splat"});
 template <> inline constexpr auto kWordsOf<Device> = std::to_array<std::string_view>({"auto", "cpu", "cuda"});
 template <> inline constexpr auto kWordsOf<PpispMode> = std::to_array<std::string_view>({"off", "on", "auto"});
+template <> inline constexpr auto kWordsOf<Antialiasing> = std::to_array<std::string_view>({"off", "on", "auto"});
 template <> inline constexpr auto kWordsOf<VerifyImages> = std::to_array<std::string_view>({"auto", "on", "off"});
 template <> inline constexpr auto kWordsOf<MaskMode> = std::to_array<std::string_view>({"ignore", "transparent"});
 template <> inline constexpr auto kWordsOf<LensMode> = std::to_array<std::string_view>({"auto", "native", "undistort"});

@@ -51,7 +51,7 @@ ForeignOption with_short(ForeignOption option, std::string short_name) {
 }
 
 // Notes on features of several programs.
-constexpr const char* kNoFilter = "pictures are drawn without an antialiasing filter";
+constexpr const char* kMipSplatting = "with the filters of Mip-Splatting";
 constexpr const char* kNoServer = "there is no server for a viewer; --view shows the training in a browser";
 constexpr const char* kNoViewer = "no viewer is opened unless --view asks for it";
 constexpr const char* kOneWay = "there is one way to compute it";
@@ -76,7 +76,7 @@ ForeignProgram inria() {
              ignored_switch("--convert_SHs_python", kOneWay),
              ignored_switch("--compute_cov3D_python", kOneWay),
              ignored_switch("--debug", "errors always name their place, and -v shows more messages"),
-             missing_switch("--antialiasing", kNoFilter),
+             same("--antialiasing", kMipSplatting),
              same("--iterations", "schedules follow it; `--schedule fixed` keeps those of 30000"),
              same("--position_lr_init"),
              same("--position_lr_final"),
@@ -147,7 +147,7 @@ ForeignProgram gsplat() {
          synonym("--strategy.reset-every", "opacity-reset-interval"),
          synonym("--strategy.grow-grad2d", "densify-grad-threshold"),
          synonym("--strategy.grow-scale3d", "percent-dense"),
-         missing_switch("--antialiased", kNoFilter),
+         sets("--antialiased", "antialiasing", "on", kMipSplatting),
          missing_switch("--pose_opt", "camera poses are taken as they are"),
          missing_switch("--depth_loss", "depth is not used as supervision"),
          missing_switch("--app_opt", "there are no appearance embeddings; --ppisp on learns exposure and colour"),
@@ -222,7 +222,8 @@ ForeignProgram nerfstudio() {
          synonym("--pipeline.model.num-random", "init-points"),
          synonym("--machine.seed", "seed"),
          synonym("--machine.device-type", "device"),
-         missing("--pipeline.model.rasterize-mode", kNoFilter, "classic"),
+         missing("--pipeline.model.rasterize-mode", "--antialiasing on draws with the filters of Mip-Splatting",
+                 "classic"),
          missing("--pipeline.model.camera-optimizer.mode", "camera poses are taken as they are", "off"),
          ignored("--experiment-name", kFolder),
          ignored("--vis", kNoViewer),

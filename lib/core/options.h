@@ -26,7 +26,7 @@ using OptionField = FieldOf<std::string, bool, int, std::optional<int>, std::int
                             std::uint64_t, double, std::optional<double>, std::optional<Duration>, ByteCount,
                             std::optional<ByteCount>, std::vector<std::int64_t>, Background, ScheduleKind, GrowthBy,
                             Recipe, Preset, SizeOf, Strategy, Device, PpispMode, VerifyImages, MaskMode, LensMode,
-                            AlphaMode, AppearanceStorage, AppearanceMoments, Movers, ColorActivation>;
+                            AlphaMode, Antialiasing, AppearanceStorage, AppearanceMoments, Movers, ColorActivation>;
 
 /// Returns the value of `field` in `options`.
 template <class T> const T& option_value(const TrainOptions& options, T TrainOptions::*field) { return options.*field; }

@@ -300,6 +300,10 @@ std::vector<Option> start_options() {
         choice("color-activation", &O::color_activation, "function from raw to visible colour")
             .gives("softplus: +0.04 dB on lego against relu, sigmoid, hardsigmoid -0.05 "
                    "([results](results.md#other-settings))"),
+        choice("antialiasing", &O::antialiasing,
+               "draw the same at every distance and image size (Mip-Splatting): opacities make up for the dilation of "
+               "small Gaussians, none is smaller than the photographs resolve; auto: as the model of --init, else off")
+            .alone("on"),
         text("init", &O::init, ".ply file or run folder",
              "begin with the Gaussians of this point cloud, of gsapp or another 3DGS program, instead of the scene's "
              "points; also with another appearance, whose residual then begins at 0")

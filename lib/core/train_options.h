@@ -107,8 +107,9 @@ struct PhotometricOptions {
     double ppisp_lr = 0.002;                            ///< learning rate of the PPISP parameters after the warm-up
 };
 
-/// The initial Gaussians.
+/// The initial Gaussians, and how they are drawn.
 struct StartOptions {
+    Antialiasing antialiasing = Antialiasing::kAuto;
     std::string init;                   ///< .ply file or run folder with the initial Gaussians; empty = points
     std::int64_t init_points = 100000;  ///< number of points; random initialisation only
 };

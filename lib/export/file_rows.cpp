@@ -7,7 +7,7 @@ namespace gs {
 Gaussians selected_rows(const Gaussians& g, const std::vector<std::int64_t>& rows) {
     Gaussians out;
     out.appearance = g.appearance, out.active_degree = g.active_degree, out.step = g.step, out.shared = g.shared,
-    out.ppisp = g.ppisp, out.count = std::int64_t(rows.size());
+    out.antialiased = g.antialiased, out.ppisp = g.ppisp, out.count = std::int64_t(rows.size());
     for (int k = 0; k < kNumGroups; ++k) {
         const GroupArrays<float>& from = g.groups[k];
         GroupArrays<float>& to = out.groups[k];

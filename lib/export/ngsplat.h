@@ -35,7 +35,7 @@ struct PackedPpisp {
 
 struct PackedScene {
     PackedColorActivation activation = PackedColorActivation::kRelu;
-    bool antialiased = false;       ///< dilation is 0.1 with unchanged opacity, instead of 0.3
+    bool antialiased = false;       ///< as in GaussianState
     bool exponential_base = false;  ///< the base colour is exp(3 d)
     BaseRange base_range;
     std::array<float, 3> center{}, up{0, -1, 0};  ///< the point that the first view orbits, and its up vector

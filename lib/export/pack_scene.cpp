@@ -194,6 +194,7 @@ PackedScene pack_gaussians(const Gaussians& g) {
             fmt::format("the appearance '{}' cannot be packed for the viewer; use --format ply", g.appearance.model));
     const double shift = base_shift(g.appearance.activation);
     PackedScene scene;
+    scene.antialiased = g.antialiased;
     scene.activation = packed_activation_of(g.appearance.activation);
     scene.appearance = packing->prepare(g);
     parallel_for_rows(scene.appearance.rows, [&](std::int64_t i) { packing->pack_row(g, i, scene.appearance); });

@@ -56,7 +56,7 @@ Vec3<double> packed_color(const PackedScene& scene, std::int64_t row, const Vec3
 
 Gaussians packed_geometry(const PackedScene& scene) {
     Gaussians g;
-    g.count = scene.count();
+    g.count = scene.count(), g.antialiased = scene.antialiased;
     g.appearance = plain_sh_appearance(0);
     for (int k = 0; k < kNumGroups; ++k) {
         g.groups[k].width = group_width(Group(k), g.appearance);

@@ -64,6 +64,8 @@ int group_width(Group group, const AppearanceSpec& spec) {
             return 1;
         case Group::kResidual:
             return appearance_model(spec.model).residual_width(spec.max_degree);
+        case Group::kSmoothing:
+            return 0;
     }
     return 0;
 }

@@ -65,6 +65,18 @@ std::vector<float> read_rows(const SafetensorsFile& file, const std::string& nam
     return values;
 }
 
+/// Reads the variances of the 3-D filter.
+GroupArrays<float> read_smoothing(const SafetensorsFile& file, const std::string& name, std::int64_t count) {
+    const std::string tensor = kGroupNames[int(Group::kSmoothing)];
+    if (!file.tensors().contains(tensor)) return {};
+    GroupArrays<float> smoothing{1, read_rows(file, name, tensor, count, 1), {}, {}};
+    for (std::size_t i = 0; i < smoothing.param.size(); ++i)
+        if (smoothing.param[i] < 0)
+            throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {} in row {}, expected a variance", name,
+                                        tensor, smoothing.param[i], i));
+    return smoothing;
+}
+
 /// Adds one row of parameters, with its moments if there are any.
 void add_row(std::vector<TensorView>& tensors, const std::string& name, const std::vector<float>& param,
              const std::vector<float>& m, const std::vector<float>& v) {
@@ -130,11 +142,12 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
     const Gaussians& g = checkpoint.state;
     std::vector<TensorView> tensors;
     const auto add = [&](const std::string& name, int group, const std::vector<float>& values) {
+        if (Group(group) == Group::kSmoothing && values.empty()) return;
         tensors.push_back({name, Dtype::kF32, {g.num_rows(Group(group)), g.groups[group].width}, values.data()});
     };
     const bool with_moments = !g[Group::kMean].m.empty();
     for (int i = 0; i < kNumGroups; ++i) add(kGroupNames[i], i, g.groups[i].param);
-    for (int i = 0; with_moments && i < kNumGroups; ++i) {
+    for (int i = 0; with_moments && i < int(Group::kSmoothing); ++i) {
         add(std::string("adam_m.") + kGroupNames[i], i, g.groups[i].m);
         add(std::string("adam_v.") + kGroupNames[i], i, g.groups[i].v);
     }
@@ -170,6 +183,7 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
             metadata["limited_seconds"] = fmt::format("{}", checkpoint.time->limited_seconds);
     }
     if (!checkpoint.test_views.empty()) metadata["test_views"] = checkpoint.test_views;
+    if (g.antialiased) metadata["antialiased"] = "true";
     if (checkpoint.automatic) metadata["automatic"] = "true";
     add_ppisp(g.ppisp, tensors, metadata);
     write_safetensors(path, tensors, metadata);
@@ -206,7 +220,9 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     g.count = means.empty() ? 0 : means[0];
     if (g.count == 0) throw DataError(fmt::format("cannot read '{}': it holds no Gaussians", name));
     const bool with_moments = file.tensors().contains(std::string("adam_m.") + kGroupNames[0]);
-    for (int i = 0; i < kNumGroups; ++i) {
+    g.antialiased = file.metadata().contains("antialiased");
+    g[Group::kSmoothing] = read_smoothing(file, name, g.count);
+    for (int i = 0; i < int(Group::kSmoothing); ++i) {
         GroupArrays<float>& group = g.groups[i];
         group.width = group_width(Group(i), g.appearance);
         std::int64_t rows = g.count;

@@ -36,9 +36,9 @@ struct Checkpoint {
 
 /// Writes the checkpoint atomically and without a second copy in memory: 12 bytes per parameter with moments, 4
 /// without. The tensors are named by the groups of gaussian_state.h, "adam_m.<group>" and "adam_v.<group>". With ADC
-/// there are also "gradient_sum" and "gradient_count"; if only visible Gaussians take steps, "last_step"; with PPISP,
-/// "ppisp" and, once there are controllers, "controller", each with one row and its moments. Everything else is
-/// metadata.
+/// there are also "gradient_sum" and "gradient_count"; for an antialiased model "smoothing", without moments; if only
+/// visible Gaussians take steps, "last_step"; with PPISP, "ppisp" and, once there are controllers, "controller", each
+/// with one row and its moments. Everything else is metadata.
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint);
 
 /// Read only the frame, or only the iteration, of a checkpoint. Throw DataError.

@@ -13,10 +13,9 @@
 namespace gs {
 
 struct PlyOptions {
-    std::int64_t iteration = 0;           ///< iteration stated in the first comment
-    std::string render_mode = "default";  ///< "default", or "mip" for an antialiased model with dilation 0.3
-    std::string note = {};                ///< an additional comment line, if any
-    Frame frame = {};                     ///< frame of the Gaussians; the file has scene coordinates
+    std::int64_t iteration = 0;  ///< iteration stated in the first comment
+    std::string note = {};       ///< an additional comment line, if any
+    Frame frame = {};            ///< frame of the Gaussians; the file has scene coordinates
 };
 
 /// Writes x y z nx ny nz f_dc_0..2 f_rest_0..{0,9,24,45}-1 opacity scale_0..2 rot_0..3 as packed little-endian floats,
@@ -28,8 +27,9 @@ struct PlyOptions {
 /// is then absent). Weights shared by all Gaussians are a separate element, and a comment states the number of rows
 /// with a residual (docs/formats.md). Positions and scales are in scene units. If floats are too coarse for the scene's
 /// coordinates, the offset stated in a comment (file_offset) is subtracted from x y z; another comment states the
-/// frame. Errors: NumericError naming row and property for a value without meaning (whole_model.h); DataError if the
-/// write fails.
+/// frame, and `SplatRenderMode: mip` or `default` whether the model is antialiased. It must have no 3-D filter
+/// (merge_smoothing). Errors: NumericError naming row and property for a value without meaning (whole_model.h);
+/// DataError if the write fails.
 void write_ply(const std::filesystem::path& path, const Gaussians& gaussians, const PlyOptions& options);
 
 /// Returns the number of bytes per Gaussian in a file of write_ply.

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "kernels/splat/smoothing.h"
+#include "lib/scene/camera_params.h"
 #include "lib/train/output_schedule.h"
 
 namespace gs {
@@ -12,6 +14,9 @@ namespace {
 
 /// The time of scoring the residuals by a view, relative to rendering the view.
 constexpr double kWorthPerFrame = 4;
+/// The number of iterations after which the 3-D filter follows the moved Gaussians. It is as often as Gaussians appear,
+/// which begin with the filter of those that they are copies of.
+constexpr std::int64_t kSmoothingInterval = 100;
 
 }  // namespace
 
@@ -19,6 +24,8 @@ StepRunner::StepRunner(const TrainOptions& options, const Scene& scene, const Ap
                        ModelLimits& limits, TrainingSchedule& schedule, Journal& journal)
     : output_(options),
       length_(options),
+      antialiasing_(options.antialiasing),
+      scene_(scene),
       limits_(limits),
       schedule_(schedule),
       journal_(journal),
@@ -32,13 +39,27 @@ Gaussians StepRunner::begin(Gaussians first, bool from_points) {
     if (!from_points) densification_.resume(first.active_degree);
     first.active_degree = densification_.active_degree();
     first.ppisp = photometric_.initial_state();
+    start_antialiasing(first);
     return first;
 }
 
 Gaussians StepRunner::resume(Gaussians state) {
     photometric_.resume(state, schedule_.moment());
     densification_.resume(state.active_degree);
+    start_antialiasing(state);
     return state;
+}
+
+/// Makes the model antialiased or not, as the options say. A checkpoint keeps its 3-D filter, so that a resumed run
+/// equals one that never stopped.
+void StepRunner::start_antialiasing(Gaussians& state) {
+    if (antialiasing_ == Antialiasing::kOff || (antialiasing_ == Antialiasing::kAuto && !state.antialiased)) {
+        merge_smoothing(state);
+        state.antialiased = false;
+        return;
+    }
+    for (const View& view : scene_.train) sharp_cameras_.push_back(camera_params(view.camera));
+    if (state[Group::kSmoothing].width == 0) add_smoothing(state, sharp_cameras_);
 }
 
 void StepRunner::use(const Backend& backend) {
@@ -61,6 +82,7 @@ void StepRunner::take(Backend& backend) {
     journal_.write_change(densification_.before_step(backend, moment, hold, most), first);
     if (const auto change = residuals_.before_step(backend, moment, steps_on_views(moment)))
         journal_.write_residuals(*change, backend.count(), first);
+    if (!sharp_cameras_.empty() && moment.iteration % kSmoothingInterval == 0) backend.update_smoothing(sharp_cameras_);
     std::vector<StepRequest> requests;
     for (const StepView& view : views) requests.push_back(composer_.compose(view, moment));
     if (num_views > 1) StepComposer::combine(requests);

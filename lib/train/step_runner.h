@@ -65,6 +65,7 @@ class StepRunner {
     int active_degree() const { return densification_.active_degree(); }
 
   private:
+    void start_antialiasing(Gaussians& state);
     std::vector<StepView> next_views(Backend& backend);
     std::int64_t end_of_views() const;
     void decide_photometric(Backend& backend, const ScheduleMoment& moment);
@@ -72,6 +73,8 @@ class StepRunner {
 
     const OutputOptions& output_;
     const ScheduleOptions& length_;
+    const Antialiasing antialiasing_;
+    const Scene& scene_;
     ModelLimits& limits_;
     TrainingSchedule& schedule_;
     Journal& journal_;
@@ -80,7 +83,8 @@ class StepRunner {
     Photometric photometric_;
     const StepComposer composer_;
     const ResidualShare residuals_;
-    ScheduleMoment last_moment_;  ///< moment of the last step
+    ScheduleMoment last_moment_;                      ///< moment of the last step
+    std::vector<CameraParams<float>> sharp_cameras_;  ///< training views that limit the detail; empty: no 3-D filter
 };
 
 }  // namespace gs

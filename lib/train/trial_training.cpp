@@ -41,7 +41,7 @@ Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearan
     const ModelInfo& model = appearance_model(appearance.model);
     Gaussians out;
     out.count = state.count, out.appearance = appearance, out.active_degree = appearance.max_degree,
-    out.ppisp = state.ppisp;
+    out.antialiased = state.antialiased, out.ppisp = state.ppisp;
     for (int g = 0; g < kNumGroups; ++g)
         out.groups[g].width = state.groups[g].width, out.groups[g].param = state.groups[g].param;
     GroupArrays<float>& residual = out[Group::kResidual];
@@ -71,7 +71,7 @@ TrialResult TrialTraining::begin(std::int64_t iterations) {
     DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background.always(0, 0, 0),
                                    training_views);
     Gaussians state = initialize_gaussians(scene_, appearance, init_options(options_));
-    state.ppisp = photometric_.initial_state();
+    state.antialiased = options_.antialiasing == Antialiasing::kOn, state.ppisp = photometric_.initial_state();
     TrialResult result{make_backend(options_.device, appearance, engine_options(options_))};
     result.backend->upload(state);
     run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(),

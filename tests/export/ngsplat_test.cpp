@@ -21,6 +21,7 @@ PackedScene packed(const std::string& model, std::int64_t count, bool extras = f
         random_gaussians(count, {model, appearance_model(model).default_max_degree, ColorActivation::kRelu}));
     scene.center = {1, 2, 3}, scene.distance = 4;
     if (!extras) return scene;
+    scene.antialiased = true;
     PackedCamera camera{};
     for (int k = 0; k < 12; ++k) camera.world_from_camera[k] = float(k);
     camera.fx = 100, camera.width = 640;
@@ -113,6 +114,7 @@ TEST(Ngsplat, ComesBackExactly) {
                 EXPECT_EQ(back.appearance.header.floats, scene.appearance.header.floats);
                 EXPECT_EQ(back.cameras.size(), scene.cameras.size());
                 EXPECT_EQ(back.trailer, scene.trailer);
+                EXPECT_EQ(back.antialiased, extras);
                 ASSERT_EQ(back.ppisp.has_value(), extras);
                 if (extras) {
                     EXPECT_EQ(back.ppisp->views, scene.ppisp->views);

@@ -166,8 +166,11 @@ TEST(PackScene, ColoursAreTheModelsWithinTheRoundingOfTheBase) {
 }
 
 TEST(PackScene, DecodedGeometryIsThatOfTheModel) {
-    const Gaussians g = random_gaussians(50, {"none", 0, ColorActivation::kRelu});
+    Gaussians g = random_gaussians(50, {"none", 0, ColorActivation::kRelu});
+    EXPECT_FALSE(packed_geometry(pack_gaussians(g)).antialiased);
+    g.antialiased = true;
     const Gaussians back = packed_geometry(pack_gaussians(g));
+    EXPECT_TRUE(back.antialiased);
     ASSERT_EQ(back.count, g.count);
     for (std::size_t k = 0; k < g[Group::kMean].param.size(); ++k)
         EXPECT_NEAR(back[Group::kMean].param[k], g[Group::kMean].param[k],

@@ -300,7 +300,8 @@ TEST_F(CudaDensification, PruningRemovesTheRowsOfTheCpu) {
             Gaussians s = mixed_model(n, n < 10000 ? 3 : 0, 19);
             gather_statistic(s, 8);
             for (std::int64_t i = 0; spacing && i < n; i += spacing) {
-                auto& group = s.groups[std::size_t(i / spacing) % (n < 10000 ? kNumGroups : kNumGroups - 1)];
+                auto& group =
+                    s.groups[std::size_t(i / spacing) % std::size_t(n < 10000 ? Group::kSmoothing : Group::kResidual)];
                 group.param[std::size_t((i + 1) * group.width - 1)] = i % 2 ? kNan : -kInf;
                 if (i % 5 == 0) s[Group::kMean].param[3 * i] = kInf;  // several groups of one row
             }
@@ -317,24 +318,29 @@ TEST_F(CudaDensification, PruningRemovesTheRowsOfTheCpu) {
 
 /// Does everything on one backend, as trainers do, so that memory of earlier calls is used again.
 TEST_F(CudaDensification, AllOperationsFollowEachOther) {
-    Gaussians s = mixed_model(3000, 3, 20);
-    gather_statistic(s, 9);
-    const Both both(s);
-    AdcParams adc;
-    adc.extent = 20;
-    McmcParams mcmc;
-    mcmc.cap = 6000;
-    for (Backend* backend : {both.cpu.get(), both.gpu.get()}) {
-        backend->morton_sort();
-        backend->densify({adc, 600, 1});
-        backend->densify({mcmc, 700, 1});
-        backend->prune_nonfinite();
-        backend->densify({mcmc, 800, 1});
-        backend->prune_invisible();
-        backend->densify({OpacityReset{}, 0, 0});
-        backend->densify({mcmc, 900, 1});
+    for (const bool filtered : {false, true}) {
+        SCOPED_TRACE(filtered ? "with a 3-D filter" : "");
+        Gaussians s = mixed_model(3000, 3, 20);
+        if (filtered) s = antialiased(s);
+        gather_statistic(s, 9);
+        const Both both(s);
+        AdcParams adc;
+        adc.extent = 20;
+        McmcParams mcmc;
+        mcmc.cap = 6000;
+        for (Backend* backend : {both.cpu.get(), both.gpu.get()}) {
+            backend->morton_sort();
+            backend->densify({adc, 600, 1});
+            backend->densify({mcmc, 700, 1});
+            backend->update_smoothing({cast<float>(test_camera(60, 40)), cast<float>(test_camera(90, 50))});
+            backend->prune_nonfinite();
+            backend->densify({mcmc, 800, 1});
+            backend->prune_invisible();
+            backend->densify({OpacityReset{}, 0, 0});
+            backend->densify({mcmc, 900, 1});
+        }
+        both.expect_same(2e-6f, {Group::kMean, Group::kScale, Group::kOpacity, Group::kSmoothing});
     }
-    both.expect_same(2e-6f, {Group::kMean, Group::kScale, Group::kOpacity});
 }
 
 /// Leaves the residuals of the first `rows` Gaussians.

@@ -117,13 +117,19 @@ template <class Model, class Real> struct Projected {
                 p(Group::kOpacity),    p(Group::kBase),
                 p(Group::kResidual),   model[Group::kResidual].width,
                 model.num_residuals(), model.appearance.activation,
-                shared.data()};
+                shared.data(),         filtered() ? p(Group::kSmoothing) : nullptr,
+                model.antialiased};
     }
     GaussianGeometry<Real> geometry(std::int64_t i) const {
         const Real* q = params[int(Group::kRotation)].data() + 4 * i;
-        return {
-            row3(Group::kMean, i), row3(Group::kScale, i), {q[0], q[1], q[2], q[3]}, params[int(Group::kOpacity)][i]};
+        return {row3(Group::kMean, i),
+                row3(Group::kScale, i),
+                {q[0], q[1], q[2], q[3]},
+                params[int(Group::kOpacity)][i],
+                filtered() ? params[int(Group::kSmoothing)][i] : Real(0),
+                model.antialiased};
     }
+    bool filtered() const { return model[Group::kSmoothing].width > 0; }
     /// Returns whether a splat is too far to reach the pixel, as most of a tile are. The error of alpha is nowhere near
     /// a factor of 16.
     bool far(std::uint32_t i, int x, int y) const {

@@ -239,6 +239,13 @@ inline std::vector<NamedScene> test_scenes() {
         {"ThinPrism", [] { return scene_around(test_lenses()[2], 120, 90); }},
         {"Opencv", [] { return scene_around(test_lenses()[5], 130, 90); }},
         {"Equirectangular", [] { return scene_around(equirectangular_lens(), 200, 100); }},
+        {"Antialiased",
+         [=] { return with(target(2, 3, false, false), [](TestScene& s) { s.model = antialiased(s.model); }); }},
+        {"AntialiasedFisheye",
+         [] {
+             return with(scene_around(test_lenses()[0], 150, 110),
+                         [](TestScene& s) { s.model = antialiased(s.model); });
+         }},
         {"DegreeZero",
          [=] { return with(target(0, 3, false, false), [](TestScene& s) { s.model.appearance.model = "sh"; }); }},
         {"DegreeOneAlpha", [=] { return target(1, 4, false, false); }},

@@ -18,6 +18,9 @@ class ForwardingEngine : public Engine {
     Gaussians download(Download what) override { return inner_->download(what); }
     RowCounts counts() const override { return inner_->counts(); }
     void set_active_degree(int degree) override { inner_->set_active_degree(degree); }
+    void update_smoothing(const std::vector<CameraParams<float>>& cameras) override {
+        inner_->update_smoothing(cameras);
+    }
     void upload_ppisp(const PpispState& state) override { inner_->upload_ppisp(state); }
     DensifyStats densify(const DensifyRequest& request) override { return inner_->densify(request); }
     PruneStats prune(const PruneRequest& request) override { return inner_->prune(request); }

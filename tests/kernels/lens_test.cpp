@@ -200,6 +200,8 @@ TEST(LensGradient, MatchesFiniteDifferencesForEveryModelOfLens) {
                                     random_weights(3 * 36 * 28, 8));
         EXPECT_EQ(check.checked, 9 * 14);
         EXPECT_GT(check.nonzero, 60);
+        check.run<appearance::None>(antialiased(gaussians_before(test, camera, 3)), camera, {0.2, 0.7, 0.4},
+                                    random_weights(3 * 36 * 28, 8));
         std::printf("%s: worst relative error %.2e\n", test.name, check.worst);
     }
 }

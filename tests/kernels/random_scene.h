@@ -29,6 +29,7 @@ template <class T, class U> CameraParams<T> cast(const CameraParams<U>& c) {
 template <class T, class U> GaussianState<T> cast(const GaussianState<U>& s) {
     GaussianState<T> o;
     o.count = s.count, o.appearance = s.appearance, o.active_degree = s.active_degree, o.step = s.step;
+    o.antialiased = s.antialiased;
     for (int k = 0; k < kNumGroups; ++k) {
         o.groups[k].width = s.groups[k].width;
         o.groups[k].param.assign(s.groups[k].param.begin(), s.groups[k].param.end());
@@ -59,6 +60,15 @@ inline GaussianState<double> random_gaussians(std::int64_t n, int degree, std::u
     return s;
 }
 
+/// Returns the same Gaussians antialiased, each with a 3-D filter of about its own size.
+template <class Real> GaussianState<Real> antialiased(GaussianState<Real> s) {
+    s.antialiased = true;
+    s[Group::kSmoothing].width = 1;
+    for (std::int64_t i = 0; i < s.count; ++i)
+        s[Group::kSmoothing].param.push_back(Real(std::exp(2 * (-1.6 + 0.5 * std::sin(double(i))))));
+    return s;
+}
+
 /// Computes the image and the gradients of sum(weights * image).
 template <class Real, class Model> struct Pipeline {
     CpuRasterizer<Real, Model> raster;
@@ -80,7 +90,8 @@ template <class Real, class Model> struct Pipeline {
         raster.backward(image.data(), transmittance.data(), dL_dimage.data());
         GaussianState<Real> out = s;
         const auto params = ParameterView<Real>::of(s);
-        std::fill(out.shared.param.begin(), out.shared.param.end(), Real(0));
+        for (auto* values : {&out.shared.param, &out[Group::kSmoothing].param})
+            std::fill(values->begin(), values->end(), Real(0));
         for (std::int64_t i = 0; i < s.count; ++i) {
             typename CpuRasterizer<Real, Model>::FullGradient g;
             raster.gaussian_gradient(params, i, g, out.shared.param.data());

@@ -17,7 +17,7 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInfinity = std:
 constexpr int kTilesX = 7, kTilesY = 5;
 
 /// Returns n > 308 Gaussians in and out of view, some of them with one value that no Gaussian should have.
-template <class Real> GaussianState<Real> awkward_gaussians(std::int64_t n) {
+template <class Real> GaussianState<Real> awkward_gaussians(std::int64_t n, bool with_filter = false) {
     auto s = random_gaussians(n, 0, 77);
     for (double& x : s[Group::kMean].param) x *= 4;
     const double extremes[] = {kNan, kInfinity, -kInfinity, 1e30, -1e30, 0, 1e-30};
@@ -25,12 +25,12 @@ template <class Real> GaussianState<Real> awkward_gaussians(std::int64_t n) {
     for (const Group group : {Group::kMean, Group::kScale, Group::kRotation, Group::kOpacity})
         for (const double extreme : extremes) s[group].param[std::size_t(11 * ++k)] = extreme;
     for (int c = 0; c < 4; ++c) s[Group::kRotation].param[4 * 7 + c] = 0;
-    return cast<Real>(s);
+    return cast<Real>(with_filter ? antialiased(s) : s);
 }
 
 /// Compares to `tolerance`, relative to what the rounding of each value grows with.
-template <class Real> void expect_lanes_equal_scalars(double tolerance) {
-    const auto s = awkward_gaussians<Real>(1003);
+template <class Real> void expect_lanes_equal_scalars(double tolerance, bool with_filter) {
+    const auto s = awkward_gaussians<Real>(1003, with_filter);
     const auto camera = cast<Real>(test_camera(kTilesX * kCpuTile - 3, kTilesY * kCpuTile - 9));
     const int width = kTilesX * kCpuTile, height = kTilesY * kCpuTile;
     const Cutoffs<Real> cutoffs;
@@ -76,8 +76,10 @@ template <class Real> void expect_lanes_equal_scalars(double tolerance) {
 }
 
 TEST(SplatLanes, EqualOneGaussianAtATime) {
-    expect_lanes_equal_scalars<double>(1e-14);
-    expect_lanes_equal_scalars<float>(2e-6);
+    for (const bool with_filter : {false, true}) {
+        expect_lanes_equal_scalars<double>(1e-14, with_filter);
+        expect_lanes_equal_scalars<float>(2e-6, with_filter);
+    }
 }
 
 TEST(SplatLanes, DoNotDependOnTheirNeighbours) {

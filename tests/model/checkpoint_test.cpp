@@ -48,9 +48,27 @@ TEST(Checkpoint, RoundTripsBitForBit) {
             EXPECT_EQ(back.state.groups[i].param, c.state.groups[i].param);
             EXPECT_EQ(back.state.groups[i].m, c.state.groups[i].m);
             EXPECT_EQ(back.state.groups[i].v, c.state.groups[i].v);
-            EXPECT_EQ(back.state.groups[i].m.empty(), !with_moments);
+            EXPECT_EQ(back.state.groups[i].m.empty(), !with_moments || c.state.groups[i].width == 0);
         }
         EXPECT_EQ(back.state.last_step, c.state.last_step);
+    }
+}
+
+TEST(Checkpoint, KeepsTheFilterOfAnAntialiasedModel) {
+    const TempFolder folder;
+    for (const bool with_moments : {true, false}) {
+        Checkpoint c = sample(with_moments);
+        c.state.antialiased = true;
+        c.state[Group::kSmoothing] = {1, {0, 1e-4f, 2, 3, 4, 5, 6}, {}, {}};
+        write_checkpoint(folder / "c.safetensors", c);
+        const Gaussians back = read_checkpoint(folder / "c.safetensors").state;
+        EXPECT_TRUE(back.antialiased);
+        EXPECT_EQ(back[Group::kSmoothing].width, 1);
+        EXPECT_EQ(back[Group::kSmoothing].param, c.state[Group::kSmoothing].param);
+        c.state[Group::kSmoothing].param[3] = -1;
+        write_checkpoint(folder / "c.safetensors", c);
+        EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "c.safetensors"); }),
+                        "tensor 'smoothing' holds -1 in row 3");
     }
 }
 

@@ -68,6 +68,18 @@ TEST(GaussianPly, MapCoordinatesKeepAnOffsetInTheComments) {
     for (std::size_t i = 0; i < 15; ++i) EXPECT_NEAR(back[Group::kScale].param[i], g[Group::kScale].param[i], 1e-6);
 }
 
+TEST(GaussianPly, SaysWhetherTheModelIsAntialiased) {
+    const TempFolder folder;
+    Gaussians g = random_gaussians(5, {"sh", 1, ColorActivation::kRelu});
+    for (const bool antialiased : {false, true}) {
+        g.antialiased = antialiased;
+        write_ply(folder / "p.ply", g, {});
+        EXPECT_CONTAINS(raw_ply(folder / "p.ply").header,
+                        std::string("comment SplatRenderMode: ") + (antialiased ? "mip\n" : "default\n"));
+        EXPECT_EQ(read_ply(folder / "p.ply").antialiased, antialiased);
+    }
+}
+
 TEST(GaussianPly, NearOriginsAreWrittenWithoutAnOffset) {
     const TempFolder folder;
     const Gaussians g = random_gaussians(5, {"sh", 1, ColorActivation::kRelu});

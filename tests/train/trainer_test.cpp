@@ -137,6 +137,36 @@ TEST_P(TrainStrategies, ResumingEqualsNotStoppingBitForBit) {
     expect_resuming_equals_not_stopping(small_options(tmp.path() / "whole", GetParam()), 37, tmp.path() / "part");
 }
 
+// The filter of iteration 100 has to survive until 137.
+TEST(TrainAntialiased, ResumingEqualsNotStoppingAndFilesSayIt) {
+    const test::TemporaryFolder tmp;
+    const Scene scene = small_scene();
+    TrainOptions o = small_options(tmp.path() / "whole", Strategy::kMcmc);
+    o.antialiasing = Antialiasing::kOn, o.iterations = 150, o.densify_until_iter = 120;
+    expect_resuming_equals_not_stopping(o, 137, tmp.path() / "part");
+    const Gaussians raw = read_checkpoint(RunFolder{o.model}.checkpoint(150)).state;
+    const Gaussians shown = read_ply(RunFolder{o.model}.point_cloud(150));
+    EXPECT_TRUE(raw.antialiased && shown.antialiased);
+    EXPECT_GT(std::ranges::count_if(raw[Group::kSmoothing].param, [](float f) { return f > 0; }), raw.count / 2);
+    EXPECT_EQ(shown[Group::kSmoothing].width, 0);
+    EXPECT_GT(std::ranges::min(shown[Group::kScale].param), std::ranges::min(raw[Group::kScale].param));
+
+    // Trainings that begin with the model stay antialiased, and look like it.
+    TrainOptions next = small_options(tmp.path() / "next", Strategy::kNone);
+    next.init = o.model, next.iterations = 1, next.position_lr_init = next.scaling_lr = next.rotation_lr = 1e-9;
+    next.opacity_lr = 1e-9;
+    run(next, scene);
+    const Gaussians again = read_ply(RunFolder{next.model}.point_cloud(1));
+    EXPECT_TRUE(again.antialiased);
+    ASSERT_EQ(again.count, shown.count);
+    for (std::size_t i = 0; i < shown[Group::kScale].param.size(); ++i)
+        EXPECT_NEAR(again[Group::kScale].param[i], shown[Group::kScale].param[i], 1e-4);
+    next.antialiasing = Antialiasing::kOff, next.overwrite = true;
+    run(next, scene);
+    EXPECT_FALSE(read_ply(RunFolder{next.model}.point_cloud(1)).antialiased);
+    EXPECT_FALSE(read_checkpoint(RunFolder{next.model}.checkpoint(1)).state.antialiased);
+}
+
 /// Returns the values of `name` in the log lines of this event.
 std::vector<std::int64_t> logged(const TrainOptions& o, const std::string& event, const std::string& name) {
     std::ifstream log(RunFolder{o.model}.train_log());

@@ -24,7 +24,7 @@ float base_of(double color) { return std::isfinite(color) ? float(color - 0.5) :
 /// Returns the geometry of the model with a single base colour per Gaussian.
 Gaussians geometry_of(const Gaussians& model) {
     Gaussians out;
-    out.count = model.count;
+    out.count = model.count, out.antialiased = model.antialiased;
     out.appearance = {"none", 0, ColorActivation::kRelu};
     for (const Group g : {Group::kMean, Group::kScale, Group::kRotation, Group::kOpacity}) {
         out[g].width = model[g].width;
