@@ -29,6 +29,7 @@ CASES = {
     "neural_3layers": SHORT,
     "sh, mixed": GLOSSY + ["--appearance-share", "0.3"],
     "neural, mixed": SHORT + ["--appearance-share", "0.3"],
+    "none, antialiased": [*GLOSSY[:-1], "300", "--antialiasing", "on"],
     "none, photometric": [
         "-s",
         "builtin:exposure",

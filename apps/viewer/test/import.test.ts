@@ -178,6 +178,7 @@ describe('importScene of .ply', () => {
     for (const [mode, antialiased] of [
       ['default', false],
       ['mip', true],
+      ['mip-0.1', true],
     ] as const)
       expect(
         (await importScene('a.ply', encodePly(columns, { comments: [`SplatRenderMode: ${mode}`] }))).scene.antialiased,

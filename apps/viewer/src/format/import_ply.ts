@@ -193,7 +193,7 @@ export function readPly(buffer: ArrayBuffer): GaussianSource {
     degree,
     up: upOf(header.comments),
     colorActivation: activation,
-    antialiased: header.comments.some((comment) => /^SplatRenderMode: *mip$/.test(comment)),
+    antialiased: header.comments.some((comment) => /^SplatRenderMode: *mip(-0\.1)?$/.test(comment)),
     remarks:
       fileDegree > degree
         ? [...remarks, `Of its spherical harmonics of degree ${fileDegree}, those up to degree ${degree} are shown.`]

@@ -38,11 +38,13 @@ vec4 place_corner(uvec4 g, vec3 color, vec2 corner, out vec4 shown, out vec2 off
     vec3 du = focal.x / cam.z * vec3(axes[0].x - clipped.x * axes[0].z, axes[1].x - clipped.x * axes[1].z, axes[2].x - clipped.x * axes[2].z) * s;
     vec3 dv = focal.y / cam.z * vec3(axes[0].y - clipped.y * axes[0].z, axes[1].y - clipped.y * axes[1].z, axes[2].y - clipped.y * axes[2].z) * s;
     vec3 cov = vec3(dot(du, du), dot(du, dv), dot(dv, dv)); // xx, xy, yy
-#if GS_ANTIALIASED
-    float before = cov.x * cov.z - cov.y * cov.y;
-#endif
     cov.xz += kDilation;
+#if GS_ANTIALIASED
+    vec3 across = cross(du, dv); // a sum of squares, which does not cancel for needles
+    float before = dot(across, across), determinant = before + kDilation * (cov.x + cov.z - kDilation);
+#else
     float determinant = cov.x * cov.z - cov.y * cov.y;
+#endif
     if (!(determinant >= kMinDeterminant && cov.x <= 1e12 && cov.z <= 1e12)) return nowhere;
 #if GS_ANTIALIASED
     if (splat_size > 0.0) shown.a *= sqrt(max(before / determinant, 0.0)); // points would all vanish
