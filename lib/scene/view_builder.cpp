@@ -120,7 +120,7 @@ struct LoadJob {
         if (source.mask) mask = load_mask(*source.mask, invert_masks, color.width, color.height, source.turn);
         ViewImage view = combine(std::move(color), std::move(mask), alpha_mode, mask_mode);
         if (is_pinhole(camera) && !is_pinhole(source.lens))
-            view = undistort(view, Camera{source.lens, {std::numbers::pi}, camera.rotation}, camera);
+            view = undistort(view, Camera{source.lens, {std::numbers::pi}}, camera);
         view = resized(std::move(view), width, height);
         if (weights) weigh_by_lens(*weights, view);
         return view;
@@ -220,8 +220,6 @@ std::shared_ptr<const Image> lens_weights(const Camera& lens) {
 }
 
 ViewImage undistort(const ViewImage& in, const Camera& lens, const Camera& pinhole) {
-    Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-    if (lens.rotation != pinhole.rotation) turn = lens.rotation * pinhole.rotation.transpose();
     ViewImage out;
     out.color = blank(pinhole.width, pinhole.height, in.color.channels, in.color.is_float());
     Image mask = blank(pinhole.width, pinhole.height, 1, false);
@@ -229,8 +227,8 @@ ViewImage undistort(const ViewImage& in, const Camera& lens, const Camera& pinho
     float values[4];
     for (int y = 0; y < pinhole.height; ++y)
         for (int x = 0; x < pinhole.width; ++x) {
-            const Eigen::Vector3d direction =
-                turn * Eigen::Vector3d((x + 0.5 - pinhole.cx) / pinhole.fx, (y + 0.5 - pinhole.cy) / pinhole.fy, 1);
+            const Eigen::Vector3d direction((x + 0.5 - pinhole.cx) / pinhole.fx, (y + 0.5 - pinhole.cy) / pinhole.fy,
+                                            1);
             const auto source = project(lens, direction);
             if (!source || !lens.is_used_at(direction) ||
                 !(source->x() >= 0 && source->y() >= 0 && source->x() <= lens.width && source->y() <= lens.height)) {

@@ -26,9 +26,9 @@ Camera choose_camera(const LensCamera& lens, LensMode mode, const std::string& w
 /// 360-degree image the share of solid angle, at least 1. Null if all are 255.
 std::shared_ptr<const Image> lens_weights(const Camera& lens);
 
-/// Resamples an image of `lens` to `pinhole`, a camera at the same place that may look elsewhere, bilinearly on pixel
-/// centres with premultiplied alpha. The mask is resampled in the same way. Pixels whose ray misses the source, or is
-/// beyond the range of the lens, get mask 0. The result has a mask if the input has one or if such pixels exist.
+/// Resamples an image of `lens` to `pinhole`, with the same pose, bilinearly on pixel centres with premultiplied alpha.
+/// The mask is resampled in the same way. Pixels whose ray misses the source, or is beyond the range of the lens, get
+/// mask 0. The result has a mask if the input has one or if such pixels exist.
 ViewImage undistort(const ViewImage& in, const Camera& lens, const Camera& pinhole);
 
 /// Builds views one by one and counts the undistorted and the resized ones.
