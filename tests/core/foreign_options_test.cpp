@@ -37,6 +37,7 @@ std::string value_for(const Option& option) {
     if (option.key == "resolution") return "4";
     if (option.key == "background") return "white";
     if (option.key == "device") return "cpu";
+    if (!option.choices.empty()) return option.choices.front();
     if (option.min) return *option.max <= 1 ? "0.5" : "2";
     return "there";
 }
@@ -100,7 +101,7 @@ TEST(ForeignOptions, ValuesThatAskForNothingAreAccepted) {
             if (foreign.use == ForeignUse::kMissing && !foreign.is_switch) {
                 EXPECT_NO_THROW(parse({"--source", "here", foreign.name, foreign.value})) << foreign.name;
             }
-    EXPECT_NO_THROW(parse({"--source", "here", "--antialiasing=false"}));
+    EXPECT_NO_THROW(parse({"--source", "here", "--train_test_exp=false"}));
 }
 
 TEST(ForeignOptions, NumbersThatAskForNothingMayBeSpelledOtherwise) {

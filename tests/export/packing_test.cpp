@@ -331,7 +331,7 @@ TEST(PackScene, ValuesThatAreNotFiniteFailTheExport) {
     require_finite(good);
     for (const float bad : {NAN, INFINITY}) {
         for (int k = 0; k < kNumGroups; ++k) {
-            if (has_meaning(Group(k), bad)) continue;  // an opacity of 1
+            if (has_meaning(Group(k), bad) || good.groups[k].width == 0) continue;  // an opacity of 1
             Gaussians g = good;
             g.groups[k].param.back() = bad;
             EXPECT_CONTAINS(message_of<DataError>([&] { require_finite(g); }),

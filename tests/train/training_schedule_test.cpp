@@ -130,7 +130,8 @@ TEST(Schedules, RatesFallToTheirLastValueInARunOfAnyLength) {
         const LearningRates rates(o, appearance_spec(o), scene);
         const StepRates first = rates.at(moment_at(o, 0)), last = rates.at(moment_at(o, iterations - 1));
         EXPECT_NEAR(last.groups[0] / first.groups[0], 0.01, 2e-4) << "means";
-        for (int g = 1; g < kNumGroups; ++g) EXPECT_NEAR(last.groups[g] / first.groups[g], 0.1, 1e-3) << kGroupNames[g];
+        for (int g = 1; g < int(Group::kSmoothing); ++g)
+            EXPECT_NEAR(last.groups[g] / first.groups[g], 0.1, 1e-3) << kGroupNames[g];
         EXPECT_NEAR(first.groups[int(Group::kResidual)], 3 * 0.000125, 1e-12);
     }
 }
@@ -159,7 +160,7 @@ TEST(Schedules, ShortRunsHaveHigherRatesIfAsked) {
     };
     const StepRates plain = first_step(1000, 0, 0), higher = first_step(1000, 0.5, 0),
                     longer = first_step(10000, 0.5, 0);
-    for (int g = 0; g < kNumGroups; ++g) {
+    for (int g = 0; g < int(Group::kSmoothing); ++g) {
         // The means' rate falls with the position of the step's end, which is the same.
         EXPECT_NEAR(higher.groups[g] / plain.groups[g], std::sqrt(10.0), 1e-6) << kGroupNames[g];
         EXPECT_NEAR(longer.groups[g] / first_step(10000, 0, 0).groups[g], 1, 1e-12) << kGroupNames[g];
