@@ -62,7 +62,7 @@ TEST_F(GpuPrecision, CutoffsAreThoseOfTheCpu) {
     EXPECT_GT(cut.mean, 1e-4);
     cpu->step(request(0)), gpu->step(request(0));
     const Gaussians a = cpu->download(true), b = gpu->download(true);
-    for (int g = 0; g < kNumGroups; ++g) {
+    for (int g = 0; g < int(Group::kSmoothing); ++g) {
         double difference = 0, sum = 0;
         for (std::size_t i = 0; i < a.groups[g].m.size(); ++i)
             difference += std::abs(double(a.groups[g].m[i]) - b.groups[g].m[i]),

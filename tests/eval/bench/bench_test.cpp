@@ -189,7 +189,7 @@ TEST(GeneratedSet, DependsOnSeedAndIndexAlone) {
     const Gaussians same = generated_gaussians(3000, 4, kSh), other = generated_gaussians(3000, 5, kSh);
     EXPECT_EQ(a.count, 3000);
     EXPECT_EQ(a.active_degree, 3);
-    for (int g = 0; g < kNumGroups; ++g) {
+    for (int g = 0; g < int(Group::kSmoothing); ++g) {
         EXPECT_EQ(a.groups[g].param, same.groups[g].param) << kGroupNames[g];
         EXPECT_NE(a.groups[g].param, other.groups[g].param) << kGroupNames[g];
         for (const float x : a.groups[g].param) ASSERT_TRUE(std::isfinite(x)) << kGroupNames[g];
