@@ -31,6 +31,9 @@ Image distorted_pattern(const LensCamera& lens) {
     return image;
 }
 
+/// A camera whose lens is used at all angles.
+Camera whole(const LensCamera& lens) { return {lens, {M_PI}}; }
+
 TEST(Undistort, PinholeStaysUntouched) {
     const LensCamera lens = make_lens_camera(CameraModel::kPinhole, 100, 80, std::vector<double>{50, 60, 49, 41});
     const Camera camera = undistorted_camera(lens, "x");
@@ -49,7 +52,7 @@ TEST(Undistort, ResultIsThePinholeViewOfTheSameRays) {
         // Barrel distortion squeezes the view: without blank pixels its pinhole image is larger, pincushion smaller.
         EXPECT_EQ(camera.width > lens.width, k1 < 0);
         EXPECT_DOUBLE_EQ(camera.cx, lens.cx * camera.width / lens.width);
-        const ViewImage out = undistort({distorted_pattern(lens), {}}, Camera{lens, {M_PI}}, camera);
+        const ViewImage out = undistort({distorted_pattern(lens), {}}, whole(lens), camera);
         EXPECT_FALSE(out.mask) << "the size rule leaves no blank pixels";
         double worst = 0;
         for (int y = 0; y < camera.height; ++y)
@@ -69,7 +72,7 @@ TEST(Undistort, MaskFollowsTheColour) {
     const int mx = 20, my = 70;
     for (int y = my - 4; y <= my + 4; ++y)
         for (int x = mx - 4; x <= mx + 4; ++x) mask.u8[y * lens.width + x] = 0;
-    const ViewImage out = undistort({color, mask}, Camera{lens, {M_PI}}, camera);
+    const ViewImage out = undistort({color, mask}, whole(lens), camera);
     ASSERT_TRUE(out.mask);
     const auto at = project(camera, *unproject(lens, {mx + 0.5, my + 0.5}));
     EXPECT_EQ(out.mask->value(int(at->x()), int(at->y()), 0), 0);
@@ -82,7 +85,7 @@ TEST(Undistort, PixelsWithoutSourceAreMasked) {
     Camera wide = undistorted_camera(lens, "x");
     wide.fx /= 2;  // sees twice the angle
     wide.fy /= 2;
-    const ViewImage out = undistort({test::gradient_image(lens.width, lens.height), {}}, lens, wide);
+    const ViewImage out = undistort({test::gradient_image(lens.width, lens.height), {}}, whole(lens), wide);
     ASSERT_TRUE(out.mask);
     EXPECT_EQ(out.mask->value(0, 0, 0), 0);
     EXPECT_EQ(out.mask->value(wide.width / 2, wide.height / 2, 0), 1);
@@ -96,7 +99,7 @@ TEST(Undistort, AlphaWeighsTheColour) {
         for (const int v : {visible ? 250 : 0, visible ? 0 : 250, 0, visible ? 255 : 0})
             color.u8.push_back(std::uint8_t(v));
     }
-    const ViewImage out = undistort({color, {}}, lens, undistorted_camera(lens, "x"));
+    const ViewImage out = undistort({color, {}}, whole(lens), undistorted_camera(lens, "x"));
     for (std::size_t i = 0; i < out.color.u8.size(); i += 4)
         if (out.color.u8[i + 3] > 0) {
             EXPECT_GE(out.color.u8[i], 249);
@@ -124,7 +127,7 @@ TEST(Undistort, ModerateFisheyeBecomesPinhole) {
     const Camera camera = undistorted_camera(lens, "x");
     EXPECT_GT(camera.width, 100);
     EXPECT_LE(camera.width, 200);
-    EXPECT_FALSE(undistort({test::gradient_image(100, 80), {}}, lens, camera).mask);
+    EXPECT_FALSE(undistort({test::gradient_image(100, 80), {}}, whole(lens), camera).mask);
 }
 
 View view(int width, int height) {
