@@ -224,7 +224,7 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
         const T grow = (T(1) + ratio) * (T(1) + ratio);
         return {mean, {grow * s.xx, grow * s.xy, grow * s.yy}};
     }
-    // Points of a circle that L = chol(h2 S) maps to the ellipse, and what the contour is off there.
+    // Points of a circle that L = chol(h2 S) maps to the ellipse, and the offsets of the contour from it.
     constexpr int kPoints = 24;
     const T turn_cosine = T(0.96592582628906829), turn_sine = T(0.25881904510252076);
     const T l11 = gs_sqrt(h2 * s.xx), l21 = h2 * s.xy / l11, l22 = gs_sqrt(h2 * p.det / s.xx);
@@ -242,7 +242,7 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
         circle[k] = u, off[k] = Vec2<T>{x, cam.fy * at.y + cam.cy} - mean - e;
         center = center + off[k] * T(1.0 / kPoints);
     }
-    // An ellipse that is longer where the contour is off, L M L^T, and large enough for all of its points and between.
+    // An ellipse that is longer along these offsets, L M L^T, and large enough for all of its points and between.
     const T share = T(4.0 / kPoints);
     Sym2<T> m{T(1), T(0), T(1)};
     for (Vec2<T>& d : off) {

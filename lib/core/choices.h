@@ -41,7 +41,7 @@ enum class MaskMode { kIgnore, kTransparent };
 /// loss.
 enum class AlphaMode { kTransparent, kMask };
 /// The treatment of photographs whose lens is no pinhole; kNative: they are used as they are, kUndistort: resampled to
-/// a pinhole image, kAuto: as they are where a pinhole image would lose a part of them.
+/// a pinhole image, kAuto: as they are only if there is no pinhole image.
 enum class LensMode { kAuto, kNative, kUndistort };
 /// Whether the model is antialiased; kAuto: as the Gaussians that it begins with.
 enum class Antialiasing { kOff, kOn, kAuto };

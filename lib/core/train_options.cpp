@@ -304,8 +304,7 @@ std::vector<Option> start_options() {
                "draw the same at every distance and image size (Mip-Splatting): opacities make up for the dilation of "
                "small Gaussians, none is smaller than the photographs resolve; auto: as the model of --init, else off")
             .gives("at 2, 1, 1/2 and 1/4 of the training size: garden +5.4, -0.3, +7.7, +10.3 dB, bonsai +3.4, -0.3, "
-                   "+7.3, "
-                   "+10.8 ([tries](lab/antialiasing.md))")
+                   "+7.3, +10.8 ([tries](lab/antialiasing.md))")
             .alone("on"),
         text("init", &O::init, ".ply file or run folder",
              "begin with the Gaussians of this point cloud, of gsapp or another 3DGS program, instead of the scene's "

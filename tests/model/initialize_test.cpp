@@ -185,7 +185,7 @@ TEST(Initialize, RandomPointsLieInTheBoxAndInAFrustum) {
 }
 
 TEST(Initialize, RandomPointsBeyondTheFoldOfALensAreNotSeen) {
-    // r (1 + 0.058 r^2 - 0.08 r^4) turns back at 54 degrees and has passed the centre again at 66.
+    // r (1 + 0.058 r^2 - 0.08 r^4) turns back at 53 degrees and has passed the centre again at 63.
     Scene scene;
     scene.random_init_half_extent = 1.5;
     View view = camera_at({0, 0, -2});
