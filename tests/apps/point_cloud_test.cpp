@@ -124,6 +124,23 @@ TEST(PointCloud, IsRenderedFromCamerasOfAnyOrigin) {
     EXPECT_EQ(names(program), (std::set<std::string>{"model.ply", "run", "views", "of-run", "path", "orbit", "other"}));
 }
 
+/// Replaces a column of a PLY without comments, in rows 0, `step`, 2 `step`, ...
+void put(const Program& program, const std::string& from, const std::string& to, const std::string& column, float value,
+         std::size_t step) {
+    std::string file = program.read(from);
+    const std::size_t body = file.find("end_header\n") + 11;
+    std::istringstream header(file.substr(0, body));
+    std::size_t columns = 0, at = 0;
+    for (std::string line; std::getline(header, line);) {
+        if (!line.starts_with("property")) continue;
+        if (line.ends_with(" " + column)) at = columns;
+        ++columns;
+    }
+    const std::size_t rows = (file.size() - body) / (4 * columns);
+    for (std::size_t i = 0; i < rows; i += step) std::memcpy(&file[body + 4 * (i * columns + at)], &value, 4);
+    program.folder().write(to, file);
+}
+
 TEST(PointCloud, IsExportedWithAndWithoutAScene) {
     const Program program;
     train_model(program, std::string(kScene) + " --appearance sv");
@@ -145,16 +162,13 @@ TEST(PointCloud, IsExportedWithAndWithoutAScene) {
     expect_run(program, "export run -o turned-run --format splat --up y");
     EXPECT_EQ(program.read("turned/point_cloud.splat"), program.read("turned-run/point_cloud.splat"));
     // A reader of this file warns each time.
-    std::string text = program.read("model.ply");
-    text.insert(text.find("end_header\n"), "comment SplatRenderMode: mip\n");
-    program.folder().write("mip.ply", text);
-    const std::string messages = expect_run(program,
-                                            "export mip.ply -o mip --format ply --up y -s builtin:glossy "
-                                            "--sh-projection")
-                                     .err;
-    const auto warning = messages.find("SplatRenderMode: mip");
+    strip_comments(program, "model.ply", "nan.ply");
+    put(program, "nan.ply", "nan.ply", "f_dc_0", std::nanf(""), 7);
+    const std::string messages =
+        expect_run(program, "export nan.ply -o nan --format ply --up y -s builtin:glossy --sh-projection").err;
+    const auto warning = messages.find("are left out");
     EXPECT_NE(warning, std::string::npos) << messages;
-    EXPECT_EQ(messages.find("SplatRenderMode: mip", warning + 1), std::string::npos) << "read once\n" << messages;
+    EXPECT_EQ(messages.find("are left out", warning + 1), std::string::npos) << "read once\n" << messages;
     expect_wrong(program, "export model.ply -o x --format splat --up y", 2, "--source");
     expect_wrong(program, "export model.ply -o x --photographs", 2, "--source");
     EXPECT_FALSE(fs::exists(program.path("x")));
@@ -185,31 +199,16 @@ TEST(PointCloud, OfAnotherProgramIsTakenAsItIs) {
     const nlohmann::json own = scores(program, std::string("model.ply ") + kScene).at("values"),
                          foreign = scores(program, std::string("foreign.ply ") + kScene).at("values");
     EXPECT_NEAR(foreign.at("PSNR").at("mean"), own.at("PSNR").at("mean"), 0.01);
-    std::string antialiased = program.read("foreign.ply");
-    antialiased.insert(antialiased.find("element"), "comment SplatRenderMode: mip\n");
-    program.folder().write("antialiased.ply", antialiased);
-    EXPECT_NE(expect_run(program, "render antialiased.ply --orbit 2 -o mip").err.find("trained with antialiasing"),
-              std::string::npos);
     const Outcome orbit = expect_run(program, "render foreign.ply --orbit 2 -o orbit");
     EXPECT_EQ(orbit.err.find("warning"), std::string::npos) << orbit.err;
     expect_run(program, "export foreign.ply -o site");
-}
-
-/// Replaces a column of a PLY without comments, in rows 0, `step`, 2 `step`, ...
-void put(const Program& program, const std::string& from, const std::string& to, const std::string& column, float value,
-         std::size_t step) {
-    std::string file = program.read(from);
-    const std::size_t body = file.find("end_header\n") + 11;
-    std::istringstream header(file.substr(0, body));
-    std::size_t columns = 0, at = 0;
-    for (std::string line; std::getline(header, line);) {
-        if (!line.starts_with("property")) continue;
-        if (line.ends_with(" " + column)) at = columns;
-        ++columns;
-    }
-    const std::size_t rows = (file.size() - body) / (4 * columns);
-    for (std::size_t i = 0; i < rows; i += step) std::memcpy(&file[body + 4 * (i * columns + at)], &value, 4);
-    program.folder().write(to, file);
+    std::string antialiased = program.read("foreign.ply");
+    antialiased.insert(antialiased.find("element"), "comment SplatRenderMode: mip\n");
+    program.folder().write("antialiased.ply", antialiased);
+    expect_run(program, "render antialiased.ply --orbit 2 -o mip");
+    EXPECT_NE(program.read("mip/00001.png"), program.read("orbit/00001.png"));
+    expect_run(program, "export antialiased.ply -o again.ply");
+    EXPECT_NE(program.read("again.ply").find("comment SplatRenderMode: mip\n"), std::string::npos);
 }
 
 TEST(PointCloud, InfiniteOpacitiesAndScalesAreShownAsTheirLimits) {
