@@ -20,7 +20,8 @@ enum class RngStream : std::uint32_t {
     kScene,
     kInitWeights,
     kHostile,
-    kController
+    kController,
+    kDepthOrder
 };
 
 /// One block of 128 random bits.

@@ -15,7 +15,7 @@ template <class T> struct CameraParams {
     Vec3<T> position;     ///< camera centre in the world: -R^T t
     T fx, fy, cx, cy;     ///< pixels; the principal point is measured from the image corner
     int width, height;    ///< pixels
-    /// Gaussians nearer than this are culled, in frame units: by the camera's z, or with a lens by their distance.
+    /// Gaussians nearer than this are culled, in frame units: by their depth (depth_of()).
     T near_plane = T(0.2);
     T far_plane = T(10000);
     Lens<T> lens = {};
@@ -51,6 +51,7 @@ template <class T, class U, class Of> CameraParams<T> converted(const CameraPara
     out.lens.max_angle = of(c.lens.max_angle), out.lens.slope = of(c.lens.slope);
     out.lens.sin_max = of(c.lens.sin_max), out.lens.cos_max = of(c.lens.cos_max);
     out.lens.cos_drawn = of(c.lens.cos_drawn);
+    out.lens.pinhole_depth = c.lens.pinhole_depth;
     return out;
 }
 

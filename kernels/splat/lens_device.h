@@ -46,6 +46,9 @@ template <class T> struct Lens {
     T max_angle = {}, slope = {};
     T sin_max = {}, cos_max = {};  ///< of max_angle
     T cos_drawn = {};              ///< cosine of the largest angle at which the mean of a Gaussian is drawn
+    /// Whether the depth of a Gaussian is its largest coordinate, as for six pinhole cameras along the axes and against
+    /// them, and not its distance.
+    bool pinhole_depth = false;
 
     GS_HD bool is_pinhole() const { return model <= CameraModel::kPinhole; }
     /// Returns whether the left and the right border of the image are the same place.

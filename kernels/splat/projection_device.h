@@ -30,6 +30,7 @@ struct PixelBounds {
 template <class T> struct Projection {
     Vec3<T> cam;         ///< mean in camera space
     T depth;             ///< depth_of(cam)
+    T distance{};        ///< of cam from the origin, through a lens only
     T u, v, uc, vc;      ///< normalised image coordinates, and their values clipped for the Jacobian of a pinhole
     Mat3<T> rotation;    ///< R(q)
     Vec3<T> variance;    ///< exp(2 s), and the 3-D filter
@@ -120,10 +121,10 @@ GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& ca
 
 /// Computes the image point of the mean in p.cam through the lens, and the rows of J W.
 template <class T> GS_HD void project_through_lens(const CameraParams<T>& cam, Projection<T>& p) {
-    p.at = lens_point_at(cam.lens, p.cam, p.depth);
+    p.at = lens_point_at(cam.lens, p.cam, p.distance);
     const LensPoint<T>& at = p.at;
     p.u = at.x.value, p.v = at.y.value;
-    const T inverse = T(1) / p.depth;
+    const T inverse = T(1) / p.distance;
     const Vec3<T> w1 = cam.rotation.transposed_times(at.e1), w2 = cam.rotation.transposed_times(at.e2);
     p.a1 = (w1 * at.x.x + w2 * at.x.y) * (cam.fx * inverse);
     p.a2 = (w1 * at.y.x + w2 * at.y.y) * (cam.fy * inverse);
@@ -134,9 +135,12 @@ template <class T> GS_HD Vec3<T> camera_point(const Vec3<T>& mean, const CameraP
     return cam.rotation * mean + cam.translation;
 }
 
-/// Returns the depth of a point in camera space, which orders blending: the camera's z, or with a lens the distance.
+/// Returns the depth of a point in camera space, which orders blending: the camera's z, or with a lens the distance or
+/// the largest coordinate.
 template <class T> GS_HD T depth_of(const Vec3<T>& point, const CameraParams<T>& cam) {
-    return cam.lens.is_pinhole() ? point.z : gs_sqrt(dot(point, point));
+    if (cam.lens.is_pinhole()) return point.z;
+    if (!cam.lens.pinhole_depth) return gs_sqrt(dot(point, point));
+    return gs_max(gs_max(gs_abs(point.x), gs_abs(point.y)), gs_abs(point.z));
 }
 
 /// Computes steps 2 and 4 to 8 of the forward pass. Returns false if the Gaussian is culled. Every test is written
@@ -150,7 +154,8 @@ GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>&
     if (cam.lens.is_pinhole()) {
         project_shape(g, cam, p);
     } else {
-        if (!cam.lens.reaches(p.cam, p.depth)) return false;
+        p.distance = gs_sqrt(dot(p.cam, p.cam));
+        if (!cam.lens.reaches(p.cam, p.distance)) return false;
         project_through_lens(cam, p);
         project_covariance(g, p);
     }
@@ -333,7 +338,7 @@ template <class T>
 GS_HD Vec3<T> lens_mean_backward(const CameraParams<T>& cam, const Projection<T>& p, const SplatGradient<T>& d,
                                  const Vec3<T>& g1, const Vec3<T>& g2) {
     const LensPoint<T>& at = p.at;
-    const T inverse = T(1) / p.depth;
+    const T inverse = T(1) / p.distance;
     T along = T(0), across1 = T(0), across2 = T(0);  // gradient along the axis, and along e1 and e2
     // Offsets are -G y, with y the part of the ray across the axis: they change with G.
     const T of_det = T(2) / p.det, g11 = cam.fx * at.x.x, g12 = cam.fx * at.x.y, g21 = cam.fy * at.y.x,

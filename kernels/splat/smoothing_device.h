@@ -11,19 +11,20 @@ namespace gs {
 /// margin of the projection.
 template <class T> GS_HD T pixels_per_unit(const Vec3<T>& mean, const CameraParams<T>& cam) {
     const Vec3<T> point = camera_point(mean, cam);
-    const T depth = depth_of(point, cam);
-    if (!(depth >= cam.near_plane && depth <= cam.far_plane)) return T(0);
-    T u = point.x / depth, v = point.y / depth, area = cam.fx * cam.fy;  // square pixels per square unit at depth 1
+    const T distance = cam.lens.is_pinhole() ? point.z : gs_sqrt(dot(point, point));
+    if (!(distance >= cam.near_plane && distance <= cam.far_plane)) return T(0);
+    T u = point.x / distance, v = point.y / distance;
+    T area = cam.fx * cam.fy;  // square pixels per square unit at distance 1
     if (!cam.lens.is_pinhole()) {
-        if (!cam.lens.reaches(point, depth)) return T(0);
-        const LensPoint<T> at = lens_point_at(cam.lens, point, depth);
+        if (!cam.lens.reaches(point, distance)) return T(0);
+        const LensPoint<T> at = lens_point_at(cam.lens, point, distance);
         u = at.x.value, v = at.y.value;
         area = area * gs_abs(at.x.x * at.y.y - at.x.y * at.y.x);
     }
     const T x = cam.fx * u + cam.cx, y = cam.fy * v + cam.cy, w = T(cam.width), h = T(cam.height);
     const T m = T(kFrustumMargin);
     const bool inside = x >= -m * w && x <= (T(1) + m) * w && y >= -m * h && y <= (T(1) + m) * h;
-    return inside ? gs_sqrt(area) / depth : T(0);
+    return inside ? gs_sqrt(area) / distance : T(0);
 }
 
 /// Returns the variance of the 3-D filter of a Gaussian at `mean`, frame units squared: kSmoothingVariance in the view

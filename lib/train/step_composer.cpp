@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "kernels/base/rng.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
 
@@ -13,6 +14,12 @@ namespace {
 /// The exponent by which rates grow with the number of views of a step. For independent gradients of the views it would
 /// be 1/2, for identical gradients 1 (experiments: docs/math/ranks.md#batch).
 constexpr double kBatchRate = 0.6;
+
+/// Returns whether a step through a lens orders Gaussians as pinhole cameras do: every other one, by chance. Then the
+/// model shows what it should through pinholes, too (docs/math/rasterizer.md#lenses).
+bool orders_as_pinholes(std::uint64_t seed, std::int64_t iteration) {
+    return philox(seed, RngStream::kDepthOrder, std::uint64_t(iteration), 0).v[0] & 1;
+}
 
 }  // namespace
 
@@ -41,6 +48,7 @@ StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteratio
         request.camera = camera_params(view.factor > 1 ? reduced(camera, view.factor) : camera);
         request.target.id = id;
     }
+    request.camera.lens.pinhole_depth = orders_as_pinholes(seed_, iteration);
     request.background = view.background;
     request.iteration = iteration;
     request.loss.lambda_dssim = float(options_.lambda_dssim);

@@ -116,8 +116,7 @@ inline TestScene scene_around(const TestLens& lens, int width, int height) {
     std::mt19937 rng(96);
     const auto random = [&] { return double(rng() % 100000) / 99999; };
     for (std::int64_t i = 0; i < s.count; ++i) {
-        // In steps of distance that no rounding closes, so that there is one order of blending.
-        const double distance = 2 * std::exp(0.004 * double(i)), azimuth = 2 * std::numbers::pi * random();
+        const double azimuth = 2 * std::numbers::pi * random();
         Vec3<double> d;
         if (lens.lens.wraps()) {
             const double latitude = 1.6 * (random() - 0.5);
@@ -126,6 +125,8 @@ inline TestScene scene_around(const TestLens& lens, int width, int height) {
             const double angle = 1.1 * lens.lens.max_angle * std::sqrt(random());
             d = {std::sin(angle) * std::cos(azimuth), std::sin(angle) * std::sin(azimuth), std::cos(angle)};
         }
+        // In steps of depth that no rounding closes, so that there is one order of blending.
+        const double distance = 2 * std::exp(0.004 * double(i)) / depth_of(d, camera);
         place(s, i, camera.rotation.transposed_times(d * distance - camera.translation));
         for (int k = 0; k < 3; ++k)
             s[Group::kScale].param[3 * i + k] =
@@ -236,9 +237,9 @@ inline std::vector<NamedScene> test_scenes() {
         {"BesidePlainBackground", beside_plain_background_scene},
         {"Borders", [] { return border_scene(); }},
         {"Fisheye200", [] { return scene_around(test_lenses()[0], 150, 110); }},
-        {"ThinPrism", [] { return scene_around(test_lenses()[2], 120, 90); }},
+        {"ThinPrism", [] { return scene_around(with_pinhole_depth(test_lenses()[2]), 120, 90); }},
         {"Opencv", [] { return scene_around(test_lenses()[5], 130, 90); }},
-        {"Equirectangular", [] { return scene_around(equirectangular_lens(), 200, 100); }},
+        {"Equirectangular", [] { return scene_around(with_pinhole_depth(equirectangular_lens()), 200, 100); }},
         {"Antialiased",
          [=] { return with(target(2, 3, false, false), [](TestScene& s) { s.model = antialiased(s.model); }); }},
         {"AntialiasedFisheye",

@@ -239,6 +239,48 @@ TEST(Lens, WithoutDistortionDrawsWhatAPinholeDraws) {
     }
 }
 
+TEST(Lens, OrdersGaussiansByDistanceOrAsPinholesDo) {
+    CameraParams<double> pinhole = test_camera(48, 36), lens = pinhole;
+    pinhole.rotation = lens.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    pinhole.translation = pinhole.position = lens.translation = lens.position = {0, 0, 0};
+    lens.lens = {.model = CameraModel::kSimpleRadial, .max_angle = 1.2, .slope = 1};
+    lens.lens.sin_max = std::sin(1.2), lens.lens.cos_max = lens.lens.cos_drawn = std::cos(1.2);
+    // The second is farther along the axis of the camera, and nearer.
+    auto s = random_gaussians(2, 0, 2);
+    const double means[6] = {1.0, 0.7, 2.0, 0.985, 0.69, 2.002};
+    ASSERT_LT(std::hypot(means[3], means[4], means[5]), std::hypot(means[0], means[1], means[2]));
+    std::copy_n(means, 6, s[Group::kMean].param.begin());
+    std::fill_n(s[Group::kScale].param.begin(), 6, -2.8);
+    std::fill_n(s[Group::kOpacity].param.begin(), 2, 3);
+    const double colors[6] = {2, 0, 0, 0, 0, 2};
+    std::copy_n(colors, 6, s[Group::kBase].param.begin());
+    const auto worst_difference = [&](bool pinhole_depth) {
+        lens.lens.pinhole_depth = pinhole_depth;
+        Pipeline<double, appearance::None> a, b;
+        a.render(s, pinhole, {0, 0, 0});
+        b.render(s, lens, {0, 0, 0});
+        double worst = 0;
+        for (std::size_t i = 0; i < a.image.size(); ++i) worst = std::max(worst, std::abs(a.image[i] - b.image[i]));
+        return worst;
+    };
+    EXPECT_GT(worst_difference(false), 0.15) << "by distance";
+    EXPECT_LT(worst_difference(true), 0.06);
+    // The near plane is a pinhole's, too.
+    CameraParams<double> near = lens;
+    near.near_plane = 2.1;
+    Projection<double> p;
+    GaussianGeometry<double> g{
+        .mean = {1.0, 0.7, 2.0}, .log_scale = {-3, -3, -3}, .rotation = {1, 0, 0, 0}, .raw_opacity = 0};
+    EXPECT_FALSE(project_geometry(g, near, p));
+    near.lens.pinhole_depth = false;
+    EXPECT_TRUE(project_geometry(g, near, p));
+    // Beside and behind the camera the pinholes look along other axes.
+    lens.lens.pinhole_depth = true;
+    EXPECT_EQ(depth_of(Vec3<double>{-3, 1, 2}, lens), 3);
+    EXPECT_EQ(depth_of(Vec3<double>{1, 4, -2}, lens), 4);
+    EXPECT_EQ(depth_of(Vec3<double>{1, 4, -5}, lens), 5);
+}
+
 /// Turning the camera about its vertical axis moves a 360-degree image sideways, across the seam.
 TEST(Lens, TheSeamOfA360DegreeImageIsNoEdge) {
     for (const int width : {64, 72}) {  // with and without a tile that the border cuts

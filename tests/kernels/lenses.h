@@ -51,6 +51,12 @@ inline const TestLens& equirectangular_lens() {
     return lens;
 }
 
+/// Returns the lens with the depths of pinholes.
+inline TestLens with_pinhole_depth(TestLens test) {
+    test.lens.pinhole_depth = true;
+    return test;
+}
+
 /// Returns a camera behind the lens whose rim lies at the ends of the image's width.
 inline CameraParams<double> lens_camera(const TestLens& test, int width, int height) {
     CameraParams<double> camera = test_camera(width, height);

@@ -61,6 +61,24 @@ TEST(StepComposer, NamesTheImageAndReducesTheCamera) {
     EXPECT_EQ(whole.isp.frame, 1) << "without a correction of the run each view has its own values";
 }
 
+TEST(StepComposer, OrdersEveryOtherStepThroughALensAsPinholesWould) {
+    TrainOptions options;
+    options.source = "x";
+    options = resolve(options);
+    Scene scene = two_views();
+    scene.train[1].camera.model = CameraModel::kSimpleFisheye;
+    const StepComposer composer(options, appearance_spec(options), scene, nullptr);
+    const auto as_pinholes = [&](int iteration) {
+        return composer.compose({.index = 1}, moment_at(options, iteration)).camera.lens.pinhole_depth;
+    };
+    int ordered = 0;
+    for (int i = 0; i < 400; ++i) {
+        ordered += as_pinholes(i);
+        EXPECT_EQ(as_pinholes(i), as_pinholes(i)) << "the same when a run is resumed";
+    }
+    EXPECT_NEAR(ordered, 200, 50);
+}
+
 TEST(StepComposer, AStepOnSeveralViewsHasTheRatesOfTheFirstTimesAPowerOfTheirNumber) {
     std::vector<StepRequest> views(4);
     for (StepRequest& view : views) view.rates.groups[0] = 1, view.rates.isp = 2;
