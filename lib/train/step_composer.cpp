@@ -15,8 +15,8 @@ namespace {
 /// be 1/2, for identical gradients 1 (experiments: docs/math/ranks.md#batch).
 constexpr double kBatchRate = 0.6;
 
-/// Returns whether a step through a lens orders Gaussians as pinhole cameras do: every other one, by chance. Then the
-/// model shows what it should through pinholes, too (docs/math/rasterizer.md#lenses).
+/// Returns whether a step through a lens orders Gaussians as pinhole cameras do. A random half of the steps does, so
+/// that the model looks right through pinholes, too (docs/math/rasterizer.md#lenses).
 bool orders_as_pinholes(std::uint64_t seed, std::int64_t iteration) {
     return philox(seed, RngStream::kDepthOrder, std::uint64_t(iteration), 0).v[0] & 1;
 }

@@ -61,7 +61,7 @@ TEST(StepComposer, NamesTheImageAndReducesTheCamera) {
     EXPECT_EQ(whole.isp.frame, 1) << "without a correction of the run each view has its own values";
 }
 
-TEST(StepComposer, OrdersEveryOtherStepThroughALensAsPinholesWould) {
+TEST(StepComposer, OrdersHalfOfTheStepsThroughALensAsPinholesDo) {
     TrainOptions options;
     options.source = "x";
     options = resolve(options);
