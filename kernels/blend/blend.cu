@@ -23,6 +23,7 @@ namespace {
 struct StagedSplat {
     float mx, my, qa, qb;
     float qc, opacity, red, green, blue;
+    float face;  ///< through a lens
 
     FragmentShape<float> __device__ shape() const { return {mx, my, qa, qb, qc, opacity}; }
 };
@@ -43,15 +44,15 @@ __device__ inline float2 load_shared2(unsigned at) {
     return x;
 }
 /// Loads a splat. All lanes of a warp, or of a part of it, pass the same address.
-__device__ inline StagedSplat load_splat(unsigned at) {
+template <bool kLens> __device__ inline StagedSplat load_splat(unsigned at) {
     const float4 a = load_shared4(at), b = load_shared4(at + 16);
-    const float2 c = load_shared2(at + 32);
-    return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y};
-}
-
-/// Loads a splat's shape through a lens in the same way.
-__device__ inline LensShape<float> load_lens_shape(unsigned at) {
-    return PackedLensShape{load_shared4(at), load_shared4(at + 16), load_shared4(at + 32)}.shape();
+    if constexpr (kLens) {
+        const float4 c = load_shared4(at + 32);
+        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, c.z};
+    } else {
+        const float2 c = load_shared2(at + 32);
+        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, -1};
+    }
 }
 
 /// Begins to copy a splat, or its shape through a lens, to shared memory; wait_for_splat() completes the copy.
@@ -97,12 +98,11 @@ struct BlockMemory {
     unsigned processed, pairs;  ///< instances until all pixels of the block were finished; pixels times hits
     unsigned first_chunk;
 };
-/// The shapes of the same splats through a lens, in the same order.
+/// The shapes of the same splats through a lens, until they replace the outlines.
 struct LensMemory {
-    PackedLensShape shapes[2][kChunk], nothing;
+    PackedLensShape shapes[2][kChunk];
 };
 struct NoLensMemory {};
-static_assert(sizeof(PackedLensShape) == sizeof(PackedSplat), "a shape lies as far from the first as its splat does");
 
 /// Adds up the colours of the lanes that share a pixel.
 template <int kAbreast> __device__ PixelForward<float> whole_pixel(PixelForward<float> p) {
@@ -221,18 +221,12 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
     if (threadIdx.x == 0) {
         shared.processed = shared.pairs = 0;
         shared.nothing = {};
-        if constexpr (kLens) lens.nothing = {};
+        if constexpr (kLens) shared.nothing.draw_on_face({.a = {}, .b = make_float4(0, -1, 0, 0)});
     }
     __syncthreads();
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
     const float px = mine.pixel.x + 0.5f, py = mine.pixel.y + 0.5f;
-    Vec3<float> ray{0, 0, 0};
-    unsigned to_lens = 0;  // from the address of a splat to that of its shape
-    if constexpr (kLens) {
-        const float4 r = image.ray(mine.pixel);
-        ray = {r.x, r.y, r.z};
-        to_lens = shared_address(&lens.shapes[0][0]) - shared_address(&shared.splats[0][0]);
-    }
+    FacePixels<1> on_face;
     const auto fetch = [&](int buffer, std::uint32_t g) {
         begin_splat(shared.splats[buffer][threadIdx.x], splats[g]);
         if constexpr (kLens) begin_splat(lens.shapes[buffer][threadIdx.x], image.lens_shapes[g]);
@@ -262,6 +256,7 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
         if (at < end)
             reached = reached_sub_tiles(shared.splats[buffer][threadIdx.x].splat(), corner, mine.offset,
                                         {mine.kWidth, mine.kHeight});
+        if constexpr (kLens) shared.splats[buffer][threadIdx.x].draw_on_face(lens.shapes[buffer][threadIdx.x]);
 #pragma unroll
         for (int k = 0; k < kSubTiles; ++k) {
             const unsigned reaching = __ballot_sync(~0u, reached >> k & 1);
@@ -298,14 +293,22 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
                 StagedSplat s[kAtOnce];
                 float alpha[kAtOnce];
 #pragma unroll
-                for (int u = 0; u < kAtOnce; ++u) {
-                    s[u] = load_splat(places[u]);
-                    if constexpr (kLens)
-                        alpha[u] =
-                            lens_fragment_alpha<float, float>(load_lens_shape(places[u] + to_lens), s[u].opacity, ray)
-                                .alpha;
-                    else
-                        alpha[u] = fragment_alpha(s[u].shape(), px, py).alpha;
+                for (int u = 0; u < kAtOnce; ++u) s[u] = load_splat<kLens>(places[u]);
+                bool same_face = true;
+#pragma unroll
+                for (int u = 0; u < kAtOnce; ++u) same_face &= !kLens || s[u].face == on_face.face;
+                if (same_face) {
+#pragma unroll
+                    for (int u = 0; u < kAtOnce; ++u)
+                        alpha[u] = fragment_alpha(s[u].shape(), kLens ? on_face.at[0].x : px,
+                                                  kLens ? on_face.at[0].y : py)
+                                       .alpha;
+                } else {
+#pragma unroll
+                    for (int u = 0; u < kAtOnce; ++u) {
+                        on_face.turn_to(s[u].face, image, mine.pixel);
+                        alpha[u] = fragment_alpha(s[u].shape(), on_face.at[0].x, on_face.at[0].y).alpha;
+                    }
                 }
                 unsigned bits = 0;
 #pragma unroll
@@ -345,7 +348,7 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
 }
 
 template <bool kForBackward, class Lens>
-__global__ void __launch_bounds__(kCudaTilePixels, std::is_empty_v<Lens> ? 6 : 5)
+__global__ void __launch_bounds__(kCudaTilePixels, 6)
     blend_forward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
                   StepControl* __restrict__ control, BlendTrail trail) {
     __shared__ BlockMemory shared;

@@ -33,17 +33,6 @@ struct WarpMemory {
     std::uint32_t list[kChunk];                 ///< instances that changed a pixel of the sub-tile
 };
 
-/// The shapes of a warp's batch, used through a lens.
-struct LensMemory {
-    float4 batch[kBatch / kOwn][WarpMemory::kSplatStride];  ///< in the layout of PackedLensShape
-};
-struct NoLensMemory {};
-/// The rays of a lane's pixels, used through a lens.
-struct ColumnRays {
-    Vec3<float> at[kSubY];
-};
-template <class Lens> inline constexpr bool kIsLens = std::is_same_v<Lens, LensMemory>;
-
 /// The work of a lane: fragments of a column of pixels and of a group of splats. Lanes that differ only in the lowest
 /// bit have the same group, and lanes that differ only in the next bit have the same column, so that shared memory
 /// serves a warp's reads of either at once.
@@ -72,25 +61,24 @@ __device__ void add(float4* to, float4 x) {
 
 /// The part of a splat that one of two lanes fetches: a or b, which are adjacent in memory, and green or blue, which
 /// are adjacent, too.
-struct HalfSplat {
+template <bool kLens> struct HalfSplat {
     float4 shape{};
     float color = 0;
+    float face = -1;  ///< in the second half
 
     HalfSplat() = default;  ///< half of a splat that changes nothing
     __device__ HalfSplat(const PackedSplat& from, int half) : shape((&from.a)[half]), color((&from.c.x)[half]) {}
-    __device__ void store(float4* to, int half) const { to[half] = shape, (&to[2].x)[half] = color; }
-};
-
-/// The same part of a splat's shape through a lens: a or b, and half of c.
-struct HalfLensShape {
-    float4 row{};
-    float2 rest{};
-
-    HalfLensShape() = default;
-    __device__ HalfLensShape(const PackedLensShape& from, int half)
-        : row((&from.a)[half]), rest(reinterpret_cast<const float2*>(&from.c)[half]) {}
+    /// As PackedSplat::draw_on_face().
+    __device__ HalfSplat(const PackedSplat& from, const PackedLensShape& lens, int half) : HalfSplat(from, half) {
+        const float4 of_lens = (&lens.a)[half];
+        if (half)
+            shape.x = of_lens.x, face = of_lens.y;
+        else
+            shape = of_lens;
+    }
     __device__ void store(float4* to, int half) const {
-        to[half] = row, reinterpret_cast<float2*>(&to[2])[half] = rest;
+        to[half] = shape, (&to[2].x)[half] = color;
+        if (kLens && half) to[2].z = face;
     }
 };
 
@@ -145,17 +133,13 @@ __device__ float sum_over_columns(const float (&x)[kOwn], int lane) {
     return sum + __shfl_xor_sync(~0u, sum, 1);
 }
 
-__device__ inline LensShape<float> lens_shape_of(const LensMemory& lens, int group, int own) {
-    const float4* const s = &lens.batch[group][3 * own];
-    return PackedLensShape{s[0], s[1], s[2]}.shape();
-}
-
-/// Adds the gradients of a batch to its splats. `h` and `w` belong to a lane's fragments, by pixel and splat. `target`
-/// belongs to the splat that this lane shares with its neighbour.
-template <bool kFixedOrder, class Lens>
-__device__ void add_gradients(WarpMemory& memory, const Lens& lens, const ColumnRays& rays,
-                              const float (&h)[kSubY][kOwn], const float (&w)[kSubY][kOwn], float px, float centre_y,
+/// Adds the gradients of a batch to its splats. `h` and `w` belong to a lane's fragments, by pixel and splat.
+/// `first_pixel` is that of the lane. `target` belongs to the splat that this lane shares with its neighbour.
+template <bool kFixedOrder, bool kLens>
+__device__ void add_gradients(WarpMemory& memory, FacePixels<kSubY>& on_face, const BlendImage& image,
+                              const float (&h)[kSubY][kOwn], const float (&w)[kSubY][kOwn], int2 first_pixel,
                               std::uint32_t target, int sub_tile, int lane, PackedSums* __restrict__ sums) {
+    const float px = first_pixel.x + 0.5f, centre_y = first_pixel.y + 0.5f * kSubY;
     const auto [column, group] = LaneOf(lane);
     float blue[kOwn];
 #pragma unroll
@@ -172,21 +156,21 @@ __device__ void add_gradients(WarpMemory& memory, const Lens& lens, const Column
             blue[i] = gs_fma(w[y][i], g.z, blue[i]);
         }
         const int half_splat = 8 * i + 2 * group;
-        if constexpr (kIsLens<Lens>) {
+        const float2 mean = *reinterpret_cast<const float2*>(&memory.batch[group][3 * i]);
+        if constexpr (kLens) {
+            on_face.turn_to(memory.batch[group][3 * i + 2].z, image, first_pixel);
             SplatSums<float> s{};
-            const LensShape<float> shape = lens_shape_of(lens, group, i);
 #pragma unroll
             for (int y = 0; y < kSubY; ++y) {
-                const auto f = lens_fragment_alpha<float, float>(shape, 1.0f, rays.at[y]);
-                const float hx = h[y][i] * f.dx, hy = h[y][i] * f.dy;
-                s.hx = gs_fma(hx, f.cosine, s.hx), s.hy = gs_fma(hy, f.cosine, s.hy);
-                s.hxx = gs_fma(hx, f.dx, s.hxx), s.hxy = gs_fma(hx, f.dy, s.hxy), s.hyy = gs_fma(hy, f.dy, s.hyy);
+                const float dx = mean.x - on_face.at[y].x, dy = mean.y - on_face.at[y].y;
+                const float hx = h[y][i] * dx, hy = h[y][i] * dy;
+                s.hx += hx, s.hy += hy;
+                s.hxx = gs_fma(hx, dx, s.hxx), s.hxy = gs_fma(hx, dy, s.hxy), s.hyy = gs_fma(hy, dy, s.hyy);
             }
             memory.sums[half_splat][column] = make_float4(m0, s.hx, s.hy, s.hxx);
             memory.sums[half_splat + 1][column] = make_float4(s.hxy, s.hyy, red, green);
             continue;
         }
-        const float2 mean = *reinterpret_cast<const float2*>(&memory.batch[group][3 * i]);
         const float dx = mean.x - px, dy = mean.y - centre_y, hx = dx * m0, hy = dy * m0 - m1;
         memory.sums[half_splat][column] = make_float4(m0, hx, hy, dx * hx);
         memory.sums[half_splat + 1][column] = make_float4(dx * hy, dy * (hy - m1) + m2, red, green);
@@ -238,8 +222,8 @@ struct PixelToPass {
 };
 
 /// Processes the part `chunk` of a tile's list for one sub-tile.
-template <bool kFixedOrder, class Lens>
-__device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
+template <bool kFixedOrder, bool kLens>
+__device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
                            const PackedSplat* __restrict__ splats, const BlendImage& image,
                            const float* __restrict__ dL_dimage, const BlendTrail& trail, std::uint32_t num_instances,
                            PackedSums* __restrict__ sums) {
@@ -282,26 +266,16 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
         return k < listed ? memory.list[k] : kNobody;
     };
     const auto fetch = [&](std::uint32_t target) {
-        if (target == kNobody) return HalfSplat{};
-        return HalfSplat(splats[kFixedOrder ? bins.gaussians[target] : target], half.second);
-    };
-    const auto fetch_shape = [&](std::uint32_t target) {
-        if (target == kNobody) return HalfLensShape{};
-        return HalfLensShape(image.lens_shapes[kFixedOrder ? bins.gaussians[target] : target], half.second);
+        if (target == kNobody) return HalfSplat<kLens>{};
+        const std::uint32_t gaussian = kFixedOrder ? bins.gaussians[target] : target;
+        if constexpr (kLens) return HalfSplat<kLens>(splats[gaussian], image.lens_shapes[gaussian], half.second);
+        return HalfSplat<kLens>(splats[gaussian], half.second);
     };
     std::uint32_t target = target_from(0);
-    HalfSplat splat = fetch(target);
-    HalfLensShape shape;
+    HalfSplat<kLens> splat = fetch(target);
     const auto [column, group] = LaneOf(lane);
-    ColumnRays rays;
-    if constexpr (kIsLens<Lens>) {
-        shape = fetch_shape(target);
-#pragma unroll
-        for (int y = 0; y < kSubY; ++y) {
-            const float4 ray = image.ray({corner.x + column, corner.y + y});
-            rays.at[y] = {ray.x, ray.y, ray.z};
-        }
-    }
+    const int2 first_pixel{corner.x + column, corner.y};
+    FacePixels<kSubY> on_face;
     float t[kSubY], behind[kSubY];
     // Lanes have loaded neighbouring pixels, and read the pixels of their columns from shared memory.
     float2* const states = reinterpret_cast<float2*>(memory.sums);
@@ -316,14 +290,12 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
     };
 #pragma unroll
     for (int y = 0; y < kSubY; ++y) finish(y);
-    const float px = corner.x + column + 0.5f;
+    const float px = first_pixel.x + 0.5f;
     for (int first = 0; first < listed; first += kBatch) {
         splat.store(&memory.batch[half.group][3 * half.own], half.second);
-        if constexpr (kIsLens<Lens>) shape.store(&lens.batch[half.group][3 * half.own], half.second);
         __syncwarp();
         const std::uint32_t next = target_from(first + kBatch);
         splat = fetch(next);  // loads while this batch is processed
-        if constexpr (kIsLens<Lens>) shape = fetch_shape(next);
 
         float alpha[kSubY][kOwn], slope[kSubY][kOwn];  // later h and w
 #pragma unroll
@@ -331,16 +303,14 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
             const float4* const s = &memory.batch[group][3 * i];
             const float4 a = s[0], b = s[1];
             const float2 c = *reinterpret_cast<const float2*>(&s[2]);
+            if constexpr (kLens) on_face.turn_to(s[2].z, image, first_pixel);
 #pragma unroll
             for (int y = 0; y < kSubY; ++y) {
                 const float4 g = memory.pixels[y][column];
-                float of_pixel;
-                if constexpr (kIsLens<Lens>)
-                    of_pixel = lens_fragment_alpha<float, float>(lens_shape_of(lens, group, i), b.y, rays.at[y]).alpha;
-                else
-                    of_pixel =
-                        fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, px, corner.y + y + 0.5f)
-                            .alpha;
+                const float of_pixel =
+                    fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, kLens ? on_face.at[y].x : px,
+                                   kLens ? on_face.at[y].y : corner.y + y + 0.5f)
+                        .alpha;
                 alpha[y][i] = of_pixel >= image.cutoffs.alpha ? of_pixel : 0;
                 slope[y][i] = color_gradient(PixelBackward<float>{.gr = g.x, .gg = g.y, .gb = g.z}, b.w, c.x, c.y);
             }
@@ -371,8 +341,8 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
         } else {
             pass(std::false_type{});
         }
-        add_gradients<kFixedOrder>(memory, lens, rays, alpha, slope, px, corner.y + 0.5f * kSubY, target, sub_tile,
-                                   lane, sums);
+        add_gradients<kFixedOrder, kLens>(memory, on_face, image, alpha, slope, first_pixel, target, sub_tile, lane,
+                                          sums);
         target = next;
     }
     __syncwarp();  // before the next chunk overwrites data that slower lanes may still read
@@ -381,13 +351,12 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
 /// Processes chunks: each warp takes the next chunk and two of its sub-tiles when it is done with the previous one.
 /// With one block per item a fifth of the warp slots would be empty, since blocks of a few thousand cycles end and
 /// begin all the time.
-template <bool kFixedOrder, class Lens>
+template <bool kFixedOrder, bool kLens>
 __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
     blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
                    const float* __restrict__ dL_dimage, const StepControl* __restrict__ control, BlendTrail trail,
                    PackedSums* __restrict__ sums) {
     __shared__ WarpMemory memories[kWarps];
-    __shared__ Lens lenses[kWarps];
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const unsigned num_items = control->num_chunks * (kSubTiles / 2);
     const auto take = [&] { return lane == 0 ? atomicAdd(trail.next_item, 1u) : 0; };
@@ -405,8 +374,8 @@ __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
         const unsigned next = take();  // loads during the first sub-tile, and its chunk during the second
 #pragma unroll 1
         for (int k = 0; k < 2; ++k) {
-            walk_chunk<kFixedOrder>(memories[warp], lenses[warp], chunk, first + k, bins, splats, image, dL_dimage,
-                                    trail, std::uint32_t(control->num_instances), sums);
+            walk_chunk<kFixedOrder, kLens>(memories[warp], chunk, first + k, bins, splats, image, dL_dimage, trail,
+                                           std::uint32_t(control->num_instances), sums);
             if (k == 0) item = __shfl_sync(~0u, next, 0), word = word_of(item);
         }
     }
@@ -448,13 +417,13 @@ void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const 
                                      num_multiprocessors() * kBlocksAtOnce);
     const auto [dL_dimage, sums, n, slots] = gradients;
     if (!slots) {
-        const auto kernel = image.rays ? &blend_backward<false, LensMemory> : &blend_backward<false, NoLensMemory>;
+        const auto kernel = image.rays ? &blend_backward<false, true> : &blend_backward<false, false>;
         kernel<<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, sums);
         GS_CUDA_LAUNCHED("blend_backward");
         return;
     }
     GS_CUDA(cudaMemsetAsync(partial_, 0, std::size_t(capacity_) * kSubTiles * sizeof(PackedSums), stream));
-    const auto kernel = image.rays ? &blend_backward<true, LensMemory> : &blend_backward<true, NoLensMemory>;
+    const auto kernel = image.rays ? &blend_backward<true, true> : &blend_backward<true, false>;
     kernel<<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, partial_);
     GS_CUDA_LAUNCHED("blend_backward");
     if (n == 0) return;

@@ -24,6 +24,7 @@ template <class Real> struct TileInput {
     Cutoffs<Real> cutoffs;
     Real period = 0;                               ///< as in CameraParams
     const LensShape<Real>* lens_shapes = nullptr;  ///< of all Gaussians, through a lens; else null
+    Real face_focal = 0;                           ///< as in CameraParams
     const Real* rays = nullptr;                    ///< (3,H,W) unit rays of the pixels, through a lens
 
     /// Returns the splat of an instance, at the place that is nearest to the tile if the image repeats.
@@ -61,10 +62,6 @@ template <class Real> struct BlockGeometry {
 /// Returns the index of pixel (x,y) of a tile in block order.
 inline int block_order(int x, int y) { return ((y / 4) * 4 + x / 4) * 16 + (y % 4) * 4 + x % 4; }
 
-template <class Real> Vec3<Lanes<Real>> in_all_lanes(const Vec3<Real>& v) {
-    return {Lanes<Real>(v.x), Lanes<Real>(v.y), Lanes<Real>(v.z)};
-}
-
 /// The fragments of a tile's splats in its blocks of pixels, with a lens or without.
 template <class Real> class TileFragments {
   public:
@@ -82,21 +79,22 @@ template <class Real> class TileFragments {
     /// Begins with the splat of an instance, and returns it.
     const Splat<Real>& begin(std::int64_t k) {
         splat_ = in_.splat(k);
-        flat_ = FragmentShape<L>::from(splat_);
+        shape_ = FragmentShape<L>::from(splat_);
         if (in_.rays) {
             const LensShape<Real>& s = in_.lens_shapes[in_.instances[k].gaussian];
-            lens_ = {in_all_lanes(s.x), in_all_lanes(s.y), in_all_lanes(s.axis), L(s.qa), L(s.qb), L(s.qc)};
+            shape_ = {L(s.mx), L(s.my), L(s.qa), L(s.qb), L(s.qc), shape_.opacity};
+            face_ = s.face;
+            if (!(faces_ >> face_ & 1)) find_pixels_on_face();
         }
         return splat_;
     }
     /// Returns BlockGeometry::touched of the splat.
     unsigned touched() const { return blocks_.touched(splat_); }
-    /// Calls f with the splat's fragments in a block: a FragmentAlpha or a LensFragment.
+    /// Calls f with the splat's fragments in a block.
     template <class F> void in_block(int block, F&& f) const {
-        if (!in_.rays) return f(fragment_alpha(flat_, blocks_.px[block % 4], blocks_.py[block / 4]));
+        if (!in_.rays) return f(fragment_alpha(shape_, blocks_.px[block % 4], blocks_.py[block / 4]));
         const int at = block * kLanes;
-        f(lens_fragment_alpha<L, Real>(lens_, flat_.opacity,
-                                       {L::load(rays_[0] + at), L::load(rays_[1] + at), L::load(rays_[2] + at)}));
+        f(fragment_alpha(shape_, L::load(on_face_[face_][0] + at), L::load(on_face_[face_][1] + at)));
     }
     L alpha(int block) const {
         L alpha(Real(0));
@@ -105,12 +103,24 @@ template <class Real> class TileFragments {
     }
 
   private:
+    void find_pixels_on_face() {
+        for (int at = 0; at < kTilePixels; at += kLanes) {
+            const Vec2<L> p = face_point<L, Real>(
+                {L::load(rays_[0] + at), L::load(rays_[1] + at), L::load(rays_[2] + at)}, face_);
+            (p.x * L(in_.face_focal)).store(on_face_[face_][0] + at);
+            (p.y * L(in_.face_focal)).store(on_face_[face_][1] + at);
+        }
+        faces_ |= 1u << face_;
+    }
+
     const TileInput<Real>& in_;
     const BlockGeometry<Real> blocks_;
     alignas(64) Real rays_[3][kTilePixels];
+    alignas(64) Real on_face_[6][2][kTilePixels];  ///< places of the pixels on a face, found when a splat needs them
+    unsigned faces_ = 0;                           ///< faces with places, as bits
+    int face_ = 0;                                 ///< of the splat
     Splat<Real> splat_;
-    FragmentShape<L> flat_;
-    LensShape<L> lens_;
+    FragmentShape<L> shape_;
 };
 
 /// Blends a tile. Writes colour (planar, plane stride width*height) and final transmittance of the tile's pixels, and

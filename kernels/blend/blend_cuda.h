@@ -70,15 +70,32 @@ struct BlendImage {
     float period;                        ///< as in CameraParams
     const PackedLensShape* lens_shapes;  ///< (Gaussians), through a lens; else null
     const float4* rays;                  ///< (H,W) unit rays of the pixels in x, y and z, through a lens
+    float face_focal;                    ///< as in CameraParams
 
-    /// Returns the ray of a pixel through a lens; 0 outside the image.
-    __device__ float4 ray(int2 pixel) const {
-        if (pixel.x >= width || pixel.y >= height) return {};
-        return rays[std::size_t(pixel.y) * width + pixel.x];
+    /// Returns the place of a pixel on a face, pixels of the face; far away outside the image.
+    __device__ float2 on_face(int2 pixel, int face) const {
+        float4 r{};
+        if (pixel.x < width && pixel.y < height) r = rays[std::size_t(pixel.y) * width + pixel.x];
+        const Vec2<float> p = face_point(Vec3<float>{r.x, r.y, r.z}, face);
+        return make_float2(p.x * face_focal, p.y * face_focal);
     }
     /// Returns the place of a splat that is nearest to a tile, or part of one, if the image repeats.
     __device__ float near_x(float mean_x, int corner_x) const {
         return period > 0 ? nearest_repeat(mean_x, corner_x + 0.5f * kCudaTileX, period) : mean_x;
+    }
+};
+
+/// The places of a column of pixels on the face of a splat, kept while splats are on the same face.
+template <int kPixels> struct FacePixels {
+    float face = -1;
+    float2 at[kPixels] = {};
+
+    /// Finds the places on a face; -1 is that of a splat that changes nothing.
+    __device__ void turn_to(float to, const BlendImage& image, int2 first) {
+        if (to == face || to < 0) return;
+        face = to;
+#pragma unroll
+        for (int y = 0; y < kPixels; ++y) at[y] = image.on_face({first.x, first.y + y}, int(to));
     }
 };
 

@@ -19,32 +19,12 @@ template <class P> struct FragmentAlpha {
     P alpha;   ///< alpha before the comparison with the cutoff
 };
 
-/// Returns alpha at an offset from the mean. Shape is FragmentShape or LensShape.
-template <class P, class Shape> GS_HD P alpha_at_offset(const Shape& s, P opacity, P dx, P dy) {
-    // Terms of dx alone come first: the backward pass on the device computes them once for a column of pixels.
-    return opacity * exp2_nonpositive(gs_fma(dy, gs_fma(s.qc, dy, s.qb * dx), s.qa * dx * dx));
-}
-
-/// Returns alpha of a splat at pixel centres (px, py). The forward and backward pass both call this function, so that
-/// they agree on which fragments count.
+/// Returns alpha of a splat at pixel centres (px, py), which through a lens lie on the splat's face. The forward and
+/// backward pass both call this function, so that they agree on which fragments count.
 template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
     const P dx = s.mx - px, dy = s.my - py;
-    return {dx, dy, alpha_at_offset(s, s.opacity, dx, dy)};
-}
-
-/// A fragment through a lens.
-template <class P> struct LensFragment : FragmentAlpha<P> {
-    P cosine;  ///< of the angle between the pixel's ray and the mean's direction
-};
-
-/// Returns alpha of a splat at the unit ray of a pixel. A splat does not reach the other half of the sphere.
-template <class P, class T>
-GS_HD LensFragment<P> lens_fragment_alpha(const LensShape<P>& s, P opacity, const Vec3<P>& ray) {
-    const P dx = -gs_fma(s.x.x, ray.x, gs_fma(s.x.y, ray.y, s.x.z * ray.z));
-    const P dy = -gs_fma(s.y.x, ray.x, gs_fma(s.y.y, ray.y, s.y.z * ray.z));
-    const P cosine = gs_fma(s.axis.x, ray.x, gs_fma(s.axis.y, ray.y, s.axis.z * ray.z));
-    const P alpha = alpha_at_offset(s, opacity, dx, dy);
-    return {{dx, dy, select(at_least(cosine, P(T(1e-3))), alpha, P(T(0)))}, cosine};
+    // Terms of dx alone come first: the backward pass on the device computes them once for a column of pixels.
+    return {dx, dy, s.opacity * exp2_nonpositive(gs_fma(dy, gs_fma(s.qc, dy, s.qb * dx), s.qa * dx * dx))};
 }
 
 /// The front-to-back state of a pixel.
@@ -168,20 +148,15 @@ GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const 
     return select(at_least(P(T(kLargestScore)), square) & blended, square, P(T(0)));
 }
 
-/// Adds one fragment to the sums of its splat. Fragment is FragmentAlpha or LensFragment.
-template <class P, class T, class Fragment>
-GS_HD void blend_fragment_backward(PixelBackward<P>& s, const Fragment& f, P cr, P cg, P cb, const Cutoffs<T>& cutoffs,
-                                   SplatSums<P>& sum) {
+/// Adds one fragment to the sums of its splat.
+template <class P, class T>
+GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb,
+                                   const Cutoffs<T>& cutoffs, SplatSums<P>& sum) {
     const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, color_gradient(s, cr, cg, cb), cutoffs);
     const P hx = d.h * f.dx, hy = d.h * f.dy;
     sum.h = sum.h + d.h;
-    if constexpr (requires { f.cosine; }) {
-        sum.hx = gs_fma(hx, f.cosine, sum.hx);
-        sum.hy = gs_fma(hy, f.cosine, sum.hy);
-    } else {
-        sum.hx = sum.hx + hx;
-        sum.hy = sum.hy + hy;
-    }
+    sum.hx = sum.hx + hx;
+    sum.hy = sum.hy + hy;
     sum.hxx = gs_fma(hx, f.dx, sum.hxx);
     sum.hxy = gs_fma(hx, f.dy, sum.hxy);
     sum.hyy = gs_fma(hy, f.dy, sum.hyy);

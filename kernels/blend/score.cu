@@ -7,29 +7,24 @@
 namespace gs {
 namespace {
 
-/// Splats of a warp's batch that reach its sub-tile. Through a lens their shapes lie beside them.
+/// Splats of a warp's batch that reach its sub-tile.
 template <bool kLens> struct WarpBatch {
     PackedSplat splats[32];
-    PackedLensShape shapes[kLens ? 32 : 1];
 
-    __device__ void put(int place, const PackedSplat& s, const BlendImage& image, std::uint32_t gaussian) {
+    __device__ void put(int place, PackedSplat s, const BlendImage& image, std::uint32_t gaussian) {
+        if constexpr (kLens) s.draw_on_face(image.lens_shapes[gaussian]);
         splats[place] = s;
-        if constexpr (kLens) shapes[place] = image.lens_shapes[gaussian];
     }
-    /// Returns alpha of the k-th splat at a pixel centre, or at its ray.
-    __device__ float alpha(int k, float px, float py, const Vec3<float>& ray) const {
-        if constexpr (kLens)
-            return lens_fragment_alpha<float, float>(shapes[k].shape(), splats[k].shape().opacity, ray).alpha;
-        else
-            return fragment_alpha(splats[k].shape(), px, py).alpha;
+    /// Returns alpha of the k-th splat at a pixel.
+    __device__ float alpha(int k, int2 pixel, const BlendImage& image, FacePixels<1>& on_face) const {
+        float2 at = make_float2(pixel.x + 0.5f, pixel.y + 0.5f);
+        if constexpr (kLens) {
+            on_face.turn_to(splats[k].face(), image, pixel);
+            at = on_face.at[0];
+        }
+        return fragment_alpha(splats[k].shape(), at.x, at.y).alpha;
     }
 };
-
-/// Returns the ray of a pixel through a lens, or 0 without one.
-template <bool kLens> __device__ Vec3<float> ray_of(const BlendImage& image, int2 pixel) {
-    const float4 r = kLens ? image.ray(pixel) : float4{};
-    return {r.x, r.y, r.z};
-}
 
 /// Writes the medians of a tile. A warp processes the list for a sub-tile until all its pixels have a median.
 template <bool kLens>
@@ -41,9 +36,8 @@ __global__ void __launch_bounds__(kCudaTilePixels)
     const bool inside = pixel.x < image.width && pixel.y < image.height;
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
     WarpBatch<kLens>& batch = batches[warp];
-    const Vec3<float> ray = ray_of<kLens>(image, pixel);
+    FacePixels<1> on_face;
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
-    const float px = pixel.x + 0.5f, py = pixel.y + 0.5f;
     for (std::uint32_t base = begin; base < end; base += 32) {
         if (__all_sync(~0u, p.t <= float(kMedianTransmittance))) break;
         PackedSplat mine{};
@@ -61,7 +55,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         __syncwarp();
         for (int k = 0, count = __popc(hits); k < count; ++k) {
             const Vec3<float> color = batch.splats[k].color();
-            pass_median<float, float>(p, batch.alpha(k, px, py, ray), color.x, color.y, color.z, image.cutoffs);
+            pass_median<float, float>(p, batch.alpha(k, pixel, image, on_face), color.x, color.y, color.z, image.cutoffs);
         }
         __syncwarp();
     }
@@ -82,7 +76,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
     const int2 sub_tile = sub_tile_corner(tile_corner(tile, bins.tiles_x), warp), pixel = pixel_of(sub_tile, lane);
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
     WarpBatch<kLens>& batch = batches[warp];
-    const Vec3<float> ray = ray_of<kLens>(image, pixel);
+    FacePixels<1> on_face;
     std::uint32_t* targets = all_targets[warp];
     PixelScore<float> p{};  // pixels outside the image have no transmittance left
     if (pixel.x < image.width && pixel.y < image.height) {
@@ -91,7 +85,6 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         p = PixelScore<float>::of(Vec3<float>{image.rgb[i], image.rgb[i + plane], image.rgb[i + 2 * plane]},
                                   image.transmittance[i], image.background);
     }
-    const float px = pixel.x + 0.5f, py = pixel.y + 0.5f;
     for (std::uint32_t base = begin; base < end; base += 32) {
         if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
         PackedSplat mine{};
@@ -112,7 +105,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         for (int k = 0; k < count; ++k) {
             const Vec3<float> color = batch.splats[k].color();
             const float sum =
-                warp_sum(fragment_score<float, float>(p, batch.alpha(k, px, py, ray), batch.splats[k].shape().opacity,
+                warp_sum(fragment_score<float, float>(p, batch.alpha(k, pixel, image, on_face), batch.splats[k].shape().opacity,
                                                       color.x + color.y + color.z, image.cutoffs));
             if (lane == k) of_lane = sum;
         }

@@ -320,6 +320,7 @@ template <class Real, class Model> class CpuRasterizer {
                 cutoffs_,
                 camera_.period(),
                 lens_shapes_.empty() ? nullptr : lens_shapes_.data(),
+                camera_.face_focal(),
                 lens_shapes_.empty() ? nullptr : rays_.planes.data()};
     }
 

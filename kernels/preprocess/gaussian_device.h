@@ -45,18 +45,13 @@ template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real
     if (g.antialiased) s.opacity = s.opacity * p.compensation;
 }
 
-/// Replaces the conic of a splat through a lens by that of its outline on screen. Returns its own shape.
+/// Sets mean and conic of a splat through a lens to those of its outline on screen. Returns its shape on its face.
 template <class Real>
 GS_HD LensShape<Real> set_outline(Splat<Real>& s, const CameraParams<Real>& camera, Projection<Real>& p) {
-    const Real k = Real(-0.5 * kLog2E);
-    const LensPoint<Real>& at = p.at;
-    const LensShape<Real> shape{(at.e1 * at.x.x + at.e2 * at.x.y) * camera.fx,
-                                (at.e1 * at.y.x + at.e2 * at.y.y) * camera.fy,
-                                at.axis,
-                                k * s.a,
-                                Real(2) * k * s.b,
-                                k * s.c};
-    const Outline<Real> outline = lens_outline(camera, p, s.mean, touch_threshold(s));
+    const Real k = Real(-0.5 * kLog2E), focal = camera.face_focal();
+    const LensShape<Real> shape{focal * p.u, focal * p.v, k * s.a, Real(2) * k * s.b, k * s.c, p.face};
+    const Vec2<Real> mean{camera.fx * p.at.x.value + camera.cx, camera.fy * p.at.y.value + camera.cy};
+    const Outline<Real> outline = lens_outline(camera, p, mean, touch_threshold(s));
     s.mean = outline.center, p.cov2d = outline.cov2d;
     p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
     const Real inverse = Real(1) / p.det;
@@ -77,9 +72,11 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     depth = p.depth;
     set_shape(s, p, g);
     if (g.antialiased && !(s.opacity >= cutoffs.alpha)) return false;
-    s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
     s.threshold = splat_threshold(s.opacity, cutoffs.inverse_alpha);
-    if (!camera.lens.is_pinhole()) *lens_shape = set_outline(s, camera, p);
+    if (camera.lens.is_pinhole())
+        s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
+    else
+        *lens_shape = set_outline(s, camera, p);
     bounds = camera.lens.wraps()
                  ? wrapped_bounds(s.mean, p.cov2d, touch_threshold(s), camera.width, width_padded, height_padded)
                  : pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);
@@ -97,7 +94,7 @@ GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams
     Splat<Real> splat;
     set_shape(splat, p, g);
     const SplatGradient<Real> d = splat_gradient(splat, sums);
-    out.mean2d = d.mean;
+    out.mean2d = mean_on_screen_backward(camera, p, d.mean);
     out.geometry = project_backward(g, camera, p, splat.opacity, d);
 }
 

@@ -2,8 +2,10 @@
 // The lens models of COLMAP: the image point of a direction (docs/math/rasterizer.md#lenses).
 #pragma once
 
+#include "kernels/base/lanes.h"
 #include "kernels/base/vec.h"
 #include "kernels/splat/jet_device.h"
+#include "kernels/splat/raster_config.h"
 
 namespace gs {
 
@@ -186,10 +188,43 @@ template <class T, class S> GS_HD Vec2<S> lens_point(const Lens<T>& lens, const 
     return {edge.x + ux * beyond, edge.y + uy * beyond};
 }
 
-/// The image point of a direction and its derivatives in the plane that touches the unit sphere there.
+// A Gaussian through a lens is drawn on a face of the cube around the camera: where the direction of its mean leaves the
+// cube, as a pinhole camera that looks at the middle of this face draws it. The faces before the camera, to its right and
+// below it are 0, 1 and 2, and those opposite 3, 4 and 5.
+
+/// Returns the face that a direction passes.
+template <class T> GS_HD int face_of(const Vec3<T>& d) {
+    const T x = gs_abs(d.x), y = gs_abs(d.y), z = gs_abs(d.z);
+    const int axis = z >= x && z >= y ? 0 : x >= y ? 1 : 2;
+    return axis + (axis == 0 ? d.z < T(0) : axis == 1 ? d.x < T(0) : d.y < T(0)) * 3;
+}
+
+/// Returns a vector in the axes of a face, the one through its middle last, or such a vector in the camera's axes. The
+/// last coordinate is negative on the faces 3 to 5.
+template <class T> GS_HD Vec3<T> on_face(const Vec3<T>& d, int face) {
+    return face % 3 == 0 ? d : face % 3 == 1 ? Vec3<T>{d.z, d.y, d.x} : Vec3<T>{d.x, d.z, d.y};
+}
+
+/// Returns the direction of the point (u, v) of a face, which is the middle plus u and v in units of its distance. On the
+/// faces 3 to 5, u and v point against the axes: they are quotients by the last coordinate of on_face().
+template <class T> GS_HD Vec3<T> face_direction(T u, T v, int face) {
+    const T sign = face < 3 ? T(1) : T(-1);
+    return on_face(Vec3<T>{u * sign, v * sign, sign}, face);
+}
+
+/// Returns the point (u, v) of the plane of a face that a unit ray meets. For a ray that does not meet the plane, or only
+/// far away, it lies so far away that no splat reaches it.
+template <class P, class T = P> GS_HD Vec2<P> face_point(const Vec3<P>& ray, int face) {
+    const Vec3<P> d = on_face(ray, face);
+    const P sign(T(face < 3 ? 1 : -1)), along = d.z * sign, least(T(1e-3));
+    const P scale = sign * reciprocal(lane_max(along, least));
+    const auto meets = at_least(along, least);
+    return {select(meets, d.x * scale, P(T(kFarOffFace))), select(meets, d.y * scale, P(T(0)))};
+}
+
+/// The image point of a direction and its derivatives.
 template <class T> struct LensPoint {
-    Vec3<T> axis, e1, e2;  ///< the direction, unit, and an orthonormal basis of the plane
-    Jet<T> x, y;           ///< normalised image coordinates of axis + a e1 + b e2 by (a, b)
+    Jet<T> x, y;  ///< normalised image coordinates of direction + a e1 + b e2 by (a, b)
 };
 
 /// Returns two unit vectors that form an orthonormal right-handed system with the unit vector n (Duff et al. 2017).
@@ -199,18 +234,14 @@ template <class T> GS_HD void tangent_basis(const Vec3<T>& n, Vec3<T>& e1, Vec3<
     e2 = {b, sign + n.y * n.y * a, -n.y};
 }
 
-/// Returns the image point of a point in camera space, which must not be the origin. The arguments are values, because
-/// the device would copy a kernel's parameters to memory to pass a reference to them.
-template <class T> GS_NOINLINE LensPoint<T> lens_point_at(Lens<T> lens, Vec3<T> point, T distance) {
-    LensPoint<T> p;
-    p.axis = point * (T(1) / distance);
-    tangent_basis(p.axis, p.e1, p.e2);
+/// Returns the image point of a direction, which must not be 0, with its derivatives along e1 and e2. The arguments are
+/// values, because the device would copy a kernel's parameters to memory to pass a reference to them.
+template <class T> GS_NOINLINE LensPoint<T> lens_point_at(Lens<T> lens, Vec3<T> direction, Vec3<T> e1, Vec3<T> e2) {
     using J = Jet<T>;
     const Vec2<J> at =
-        lens_point(lens, Vec3<J>{J::linear(p.axis.x, p.e1.x, p.e2.x), J::linear(p.axis.y, p.e1.y, p.e2.y),
-                                 J::linear(p.axis.z, p.e1.z, p.e2.z)});
-    p.x = at.x, p.y = at.y;
-    return p;
+        lens_point(lens, Vec3<J>{J::linear(direction.x, e1.x, e2.x), J::linear(direction.y, e1.y, e2.y),
+                                 J::linear(direction.z, e1.z, e2.z)});
+    return {at.x, at.y};
 }
 
 /// Returns the unit direction whose image point is (x, y), in normalised image coordinates, by Newton's method on the
@@ -229,7 +260,9 @@ template <class T> GS_HD Vec3<T> lens_ray(const Lens<T>& lens, T x, T y) {
     const T side = radius > T(0) ? s / radius : T(0);
     Vec3<T> d{x * side, y * side, c};
     for (int i = 0; i < 12; ++i) {
-        const LensPoint<T> at = lens_point_at(lens, d, T(1));
+        Vec3<T> e1, e2;
+        tangent_basis(d, e1, e2);
+        const LensPoint<T> at = lens_point_at(lens, d, e1, e2);
         const T dx = x - at.x.value, dy = y - at.y.value;
         const T inverse = T(1) / (at.x.x * at.y.y - at.x.y * at.y.x);
         T a = (at.y.y * dx - at.x.y * dy) * inverse, b = (at.x.x * dy - at.y.x * dx) * inverse;
@@ -239,7 +272,7 @@ template <class T> GS_HD Vec3<T> lens_ray(const Lens<T>& lens, T x, T y) {
             const T shorter = T(0.3) / gs_sqrt(step2);
             a = a * shorter, b = b * shorter;
         }
-        d = at.axis + at.e1 * a + at.e2 * b;
+        d = d + e1 * a + e2 * b;
         d = d * (T(1) / gs_sqrt(dot(d, d)));
         if (step2 < T(sizeof(T) == 4 ? 1e-13 : 1e-26)) break;
     }

@@ -28,19 +28,21 @@ struct PixelBounds {
 /// The intermediate results common to the forward and backward pass. The backward pass recomputes them instead of
 /// storing them.
 template <class T> struct Projection {
-    Vec3<T> cam;         ///< mean in camera space
-    T depth;             ///< depth_of(cam)
-    T distance{};        ///< of cam from the origin, through a lens only
-    T u, v, uc, vc;      ///< normalised image coordinates, and their values clipped for the Jacobian of a pinhole
+    Vec3<T> cam;         ///< mean in camera space, through a lens on_face()
+    T depth;             ///< depth_of() the mean
+    T u, v, uc, vc;      ///< normalised image coordinates, and their values clipped for the Jacobian
     Mat3<T> rotation;    ///< R(q)
     Vec3<T> variance;    ///< exp(2 s), and the 3-D filter
     Sym3<T> covariance;  ///< R diag(variance) R^T, world
     T j11, j22;          ///< fx/z, fy/z
     Vec3<T> a1, a2;      ///< rows of J W
-    LensPoint<T> at{};   ///< through a lens only
     Sym2<T> cov2d;       ///< with dilation
     T det;
     T undilated_det{}, compensation{};  ///< antialiased only: det without dilation, and the factor of the opacity
+    // Through a lens only. All above is then by the pinhole of a face.
+    int face{};         ///< face_of() the mean
+    LensPoint<T> at{};  ///< image point of the mean, by u and v
+    Sym2<T> dilation{};
 };
 
 /// Returns R(q) for an unnormalised q = (w,x,y,z).
@@ -80,8 +82,14 @@ template <class T> GS_HD T projected_determinant(const Vec3<T>& q, const Vec3<T>
     return q.x * q.x * v.y * v.z + q.y * q.y * v.x * v.z + q.z * q.z * v.x * v.y;
 }
 
+/// Returns the variance of the dilation of a Gaussian, square pixels on screen.
+template <class T> GS_HD T dilation_of(const GaussianGeometry<T>& g) {
+    return T(g.antialiased ? kAntialiasedDilation : kDilation);
+}
+
 /// Computes the covariance on screen from the rows of J W, and for an antialiased Gaussian the factor of its opacity.
-template <class T> GS_HD void project_covariance(const GaussianGeometry<T>& g, Projection<T>& p) {
+template <class T>
+GS_HD void project_covariance(const GaussianGeometry<T>& g, const Sym2<T>& dilation, Projection<T>& p) {
     p.rotation = rotation_matrix(g.rotation);
     p.variance = activated_variance(g.log_scale);
     if (g.antialiased) {
@@ -92,11 +100,11 @@ template <class T> GS_HD void project_covariance(const GaussianGeometry<T>& g, P
     }
     p.covariance = world_covariance(p.rotation, p.variance);
     const Vec3<T> sa1 = p.covariance * p.a1, sa2 = p.covariance * p.a2;
-    const T dilation = T(g.antialiased ? kAntialiasedDilation : kDilation);
-    p.cov2d = {dot(p.a1, sa1) + dilation, dot(p.a1, sa2), dot(p.a2, sa2) + dilation};
+    p.cov2d = {dot(p.a1, sa1) + dilation.xx, dot(p.a1, sa2) + dilation.xy, dot(p.a2, sa2) + dilation.yy};
     p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
     if (g.antialiased) {
-        const T det = p.undilated_det + dilation * (p.cov2d.xx + p.cov2d.yy - dilation);
+        const T det = p.undilated_det + dilation.xx * (p.cov2d.yy - dilation.yy) + dilation.yy * p.cov2d.xx -
+                      dilation.xy * (T(2) * p.cov2d.xy - dilation.xy);
         p.compensation = gs_sqrt(p.compensation * (p.undilated_det / det));
     }
 }
@@ -116,18 +124,51 @@ GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& ca
     const Vec3<T>& r3 = cam.rotation.r2;
     p.a1 = (cam.rotation.r0 - r3 * p.uc) * p.j11;
     p.a2 = (cam.rotation.r1 - r3 * p.vc) * p.j22;
-    project_covariance(g, p);
+    const T dilation = dilation_of(g);
+    project_covariance(g, {dilation, T(0), dilation}, p);
 }
 
-/// Computes the image point of the mean in p.cam through the lens, and the rows of J W.
-template <class T> GS_HD void project_through_lens(const CameraParams<T>& cam, Projection<T>& p) {
-    p.at = lens_point_at(cam.lens, p.cam, p.distance);
-    const LensPoint<T>& at = p.at;
-    p.u = at.x.value, p.v = at.y.value;
-    const T inverse = T(1) / p.distance;
-    const Vec3<T> w1 = cam.rotation.transposed_times(at.e1), w2 = cam.rotation.transposed_times(at.e2);
-    p.a1 = (w1 * at.x.x + w2 * at.x.y) * (cam.fx * inverse);
-    p.a2 = (w1 * at.y.x + w2 * at.y.y) * (cam.fy * inverse);
+/// Returns the rotation from the world to the axes of a face.
+template <class T> GS_HD Mat3<T> face_rotation(const Mat3<T>& r, int face) {
+    return face % 3 == 0 ? r : face % 3 == 1 ? Mat3<T>{r.r2, r.r1, r.r0} : Mat3<T>{r.r0, r.r2, r.r1};
+}
+
+/// The Jacobian of the image point by the point of a face, pixels by pixels.
+template <class T> struct FaceJacobian {
+    T xx, xy, yx, yy;
+
+    GS_HD FaceJacobian(const CameraParams<T>& cam, const LensPoint<T>& at) {
+        const T fx = cam.fx / cam.face_focal(), fy = cam.fy / cam.face_focal();
+        xx = fx * at.x.x, xy = fx * at.x.y, yx = fy * at.y.x, yy = fy * at.y.y;
+    }
+    GS_HD T det() const { return xx * yy - xy * yx; }
+    /// Returns the point of the face whose image is (x, y), as offsets.
+    GS_HD Vec2<T> solve(T x, T y) const {
+        const T inverse = T(1) / det();
+        return {(yy * x - xy * y) * inverse, (xx * y - yx * x) * inverse};
+    }
+};
+
+/// Computes steps 4 to 8 for the mean in p.cam by the pinhole of its face. The dilation is round on screen.
+template <class T>
+GS_HD void project_on_face(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
+    p.face = face_of(p.cam);
+    p.cam = on_face(p.cam, p.face);
+    const T inv_z = T(1) / p.cam.z;
+    p.u = p.uc = p.cam.x * inv_z;
+    p.v = p.vc = p.cam.y * inv_z;
+    p.j11 = p.j22 = cam.face_focal() * inv_z;
+    const Mat3<T> r = face_rotation(cam.rotation, p.face);
+    p.a1 = (r.r0 - r.r2 * p.u) * p.j11;
+    p.a2 = (r.r1 - r.r2 * p.v) * p.j22;
+    const T sign = p.face < 3 ? T(1) : T(-1);
+    p.at = lens_point_at(cam.lens, face_direction(p.u, p.v, p.face), on_face(Vec3<T>{sign, T(0), T(0)}, p.face),
+                         on_face(Vec3<T>{T(0), sign, T(0)}, p.face));
+    const FaceJacobian<T> jacobian(cam, p.at);
+    const Vec2<T> x = jacobian.solve(T(1), T(0)), y = jacobian.solve(T(0), T(1));
+    const T d = dilation_of(g);
+    p.dilation = {d * (x.x * x.x + y.x * y.x), d * (x.x * x.y + y.x * y.y), d * (x.y * x.y + y.y * y.y)};
+    project_covariance(g, p.dilation, p);
 }
 
 /// Transforms a mean to the camera's frame: step 2 of the forward pass.
@@ -154,10 +195,8 @@ GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>&
     if (cam.lens.is_pinhole()) {
         project_shape(g, cam, p);
     } else {
-        p.distance = gs_sqrt(dot(p.cam, p.cam));
-        if (!cam.lens.reaches(p.cam, p.distance)) return false;
-        project_through_lens(cam, p);
-        project_covariance(g, p);
+        if (!cam.lens.reaches(p.cam, gs_sqrt(dot(p.cam, p.cam)))) return false;
+        project_on_face(g, cam, p);
     }
     return p.det >= T(kMinDeterminant) && p.cov2d.xx <= T(kMaxVariance2d) && p.cov2d.yy <= T(kMaxVariance2d);
 }
@@ -199,28 +238,33 @@ template <class T> struct Outline {
 template <class T>
 GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& mean, T threshold) {
     constexpr double kPi = 3.14159265358979323846;
-    const T g11 = cam.fx * p.at.x.x, g12 = cam.fx * p.at.x.y, g21 = cam.fy * p.at.y.x, g22 = cam.fy * p.at.y.y;
-    const T of_g = T(1) / (g11 * g22 - g12 * g21);
-    // The largest extent in the tangent plane: the sine of an angle.
-    const Sym2<T>& s = p.cov2d;
-    const T v1 = (g22 * g22 * s.xx - T(2) * g22 * g12 * s.xy + g12 * g12 * s.yy) * of_g * of_g;
-    const T v2 = (g21 * g21 * s.xx - T(2) * g21 * g11 * s.xy + g11 * g11 * s.yy) * of_g * of_g;
-    const T v12 = (g22 * g11 * s.xy - g22 * g21 * s.xx - g12 * g11 * s.yy + g12 * g21 * s.xy) * of_g * of_g;
-    const T h2 = T(2) * threshold;
-    const T rho2 = h2 * (T(0.5) * (v1 + v2) + gs_sqrt(T(0.25) * (v1 - v2) * (v1 - v2) + v12 * v12)),
-            rho = gs_sqrt(rho2);
+    // The largest extent on the face, in its distances from the camera, and as an angle.
+    const T unit = T(1) / cam.face_focal(), h2 = T(2) * threshold;
+    const Sym2<T>& c = p.cov2d;
+    const T half_c = T(0.5) * (c.xx + c.yy), apart_c = T(0.5) * (c.xx - c.yy);
+    const T rho2 = h2 * unit * unit * (half_c + gs_sqrt(apart_c * apart_c + c.xy * c.xy)), rho = gs_sqrt(rho2);
     if (!(rho < T(kMostLensExtent))) return {mean, {T(kMaxVariance2d), T(0), T(kMaxVariance2d)}};
     // Near the poles of a 360-degree image the outline is a band of rows.
-    if (cam.lens.wraps() && rho > T(0.7) * gs_sqrt(gs_max(T(1) - p.at.axis.y * p.at.axis.y, T(0)))) {
-        const T rows = gs_atan2(rho, gs_sqrt(T(1) - rho2)) * cam.fy * T(1 / kPi);
-        return {mean, {T(kMaxVariance2d), T(0), rows * rows / h2}};
+    if (cam.lens.wraps()) {
+        const T off2 = p.u * p.u + p.v * p.v, far2 = off2 + T(1), far = gs_sqrt(far2);
+        const T height = on_face(p.cam, p.face).y / (gs_abs(p.cam.z) * far);
+        const T angle = gs_atan2(rho * far, far2 - rho * gs_sqrt(off2));
+        const T sine = angle < T(0.5 * kPi) ? rho * far / gs_sqrt(rho2 * far2 + (far2 - rho * gs_sqrt(off2)) * (far2 - rho * gs_sqrt(off2))) : T(1);
+        if (sine > T(0.7) * gs_sqrt(gs_max(T(1) - height * height, T(0)))) {
+            const T rows = angle * cam.fy * T(1 / kPi);
+            return {mean, {T(kMaxVariance2d), T(0), rows * rows / h2}};
+        }
     }
+    const FaceJacobian<T> g(cam, p.at);
+    const Vec2<T> row1{g.xx * c.xx + g.xy * c.xy, g.xx * c.xy + g.xy * c.yy},
+        row2{g.yx * c.xx + g.yy * c.xy, g.yx * c.xy + g.yy * c.yy};
+    const Sym2<T> s{row1.x * g.xx + row1.y * g.xy, row1.x * g.yx + row1.y * g.yy, row2.x * g.yx + row2.y * g.yy};
     const auto norm2 = [](const Jet<T>& j, T focal) {
         return focal * focal * (j.xx * j.xx + T(2) * j.xy * j.xy + j.yy * j.yy);
     };
     // The image point is off its linear continuation by half the second derivatives, and by terms of the third order.
     const T bend = T(0.65) * gs_sqrt(norm2(p.at.x, cam.fx) + norm2(p.at.y, cam.fy)) * rho2 +
-                   T(2) * gs_sqrt(g11 * g11 + g12 * g12 + g21 * g21 + g22 * g22) * rho * rho2;
+                   T(2) * cam.face_focal() * gs_sqrt(g.xx * g.xx + g.xy * g.xy + g.yx * g.yx + g.yy * g.yy) * rho * rho2;
     const T half = T(0.5) * (s.xx + s.yy), apart = T(0.5) * (s.xx - s.yy);
     const T least = gs_max(half - gs_sqrt(apart * apart + s.xy * s.xy), T(kMinDeterminant));
     const T ratio = bend / gs_sqrt(h2 * least);
@@ -232,16 +276,15 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
     // Points of a circle that L = chol(h2 S) maps to the ellipse, and the offsets of the contour from it.
     constexpr int kPoints = 24;
     const T turn_cosine = T(0.96592582628906829), turn_sine = T(0.25881904510252076);
-    const T l11 = gs_sqrt(h2 * s.xx), l21 = h2 * s.xy / l11, l22 = gs_sqrt(h2 * p.det / s.xx);
+    const T l11 = gs_sqrt(h2 * s.xx), l21 = h2 * s.xy / l11, l22 = gs_abs(g.det()) * gs_sqrt(h2 * p.det / s.xx);
     Vec2<T> circle[kPoints], off[kPoints], center{T(0), T(0)};
     for (int k = 0; k < kPoints; ++k) {
         const Vec2<T> u = k == 0 ? Vec2<T>{T(1), T(0)}
                                  : Vec2<T>{turn_cosine * circle[k - 1].x - turn_sine * circle[k - 1].y,
                                            turn_sine * circle[k - 1].x + turn_cosine * circle[k - 1].y};
         const Vec2<T> e{l11 * u.x, l21 * u.x + l22 * u.y};
-        const T y1 = (g22 * e.x - g12 * e.y) * of_g, y2 = (g11 * e.y - g21 * e.x) * of_g;
-        const Vec2<T> at =
-            lens_point(cam.lens, p.at.axis * gs_sqrt(T(1) - y1 * y1 - y2 * y2) + p.at.e1 * y1 + p.at.e2 * y2);
+        const Vec2<T> d = g.solve(e.x, e.y);
+        const Vec2<T> at = lens_point(cam.lens, face_direction(p.u + d.x * unit, p.v + d.y * unit, p.face));
         T x = cam.fx * at.x + cam.cx;
         if (cam.lens.wraps()) x = nearest_repeat(x, mean.x, cam.period());
         circle[k] = u, off[k] = Vec2<T>{x, cam.fy * at.y + cam.cy} - mean - e;
@@ -312,13 +355,13 @@ template <class T> struct GeometryGradient {
     T raw_opacity;
 };
 
-/// Returns the gradient of the mean from those of the image point, dm, and of the rows of J W, g1 and g2, for a
-/// pinhole.
+/// Returns the gradient of the mean from those of the image point, dm, and of the rows of J W, g1 and g2. `rotation` is
+/// that of the pinhole.
 template <class T>
-GS_HD Vec3<T> mean_backward(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& dm, const Vec3<T>& g1,
+GS_HD Vec3<T> mean_backward(const Mat3<T>& rotation, const Projection<T>& p, const Vec2<T>& dm, const Vec3<T>& g1,
                             const Vec3<T>& g2) {
-    const T dj11 = dot(cam.rotation.r0, g1), dj13 = dot(cam.rotation.r2, g1);
-    const T dj22 = dot(cam.rotation.r1, g2), dj23 = dot(cam.rotation.r2, g2);
+    const T dj11 = dot(rotation.r0, g1), dj13 = dot(rotation.r2, g1);
+    const T dj22 = dot(rotation.r1, g2), dj23 = dot(rotation.r2, g2);
 
     // Camera-space mean, through the pixel position and through the Jacobian.
     const T inv_z = T(1) / p.cam.z;
@@ -328,39 +371,35 @@ GS_HD Vec3<T> mean_backward(const CameraParams<T>& cam, const Projection<T>& p, 
     if (v_inside) dp.y = dp.y - p.j22 * dj23 * inv_z;
     const T nu = u_inside ? T(2) : T(1), nv = v_inside ? T(2) : T(1);
     dp.z = dp.z + (p.j11 * (nu * p.uc * dj13 - dj11) + p.j22 * (nv * p.vc * dj23 - dj22)) * inv_z;
-    return cam.rotation.transposed_times(dp);
+    return rotation.transposed_times(dp);
 }
 
-/// Returns the same through a lens; d.conic holds half of the second moments of the offsets. A change of the mean by r
-/// tau in the tangent plane at distance r changes the Jacobian G of the image point there by its second derivatives,
-/// and turns the plane.
+/// Returns the gradient of the point of a mean on its face by way of the dilation, pixels of the face; g is that of the
+/// dilation. With the Jacobian G of the image point, the dilation d (G^T G)^-1 changes with G.
 template <class T>
-GS_HD Vec3<T> lens_mean_backward(const CameraParams<T>& cam, const Projection<T>& p, const SplatGradient<T>& d,
-                                 const Vec3<T>& g1, const Vec3<T>& g2) {
-    const LensPoint<T>& at = p.at;
-    const T inverse = T(1) / p.distance;
-    T along = T(0), across1 = T(0), across2 = T(0);  // gradient along the axis, and along e1 and e2
-    // Offsets are -G y, with y the part of the ray across the axis: they change with G.
-    const T of_det = T(2) / p.det, g11 = cam.fx * at.x.x, g12 = cam.fx * at.x.y, g21 = cam.fy * at.y.x,
-            g22 = cam.fy * at.y.y, of_g = T(1) / (g11 * g22 - g12 * g21);
-    const auto through_offsets = [&](const Jet<T>& j, T focal, T q1, T q2) {  // q: of_det times a row of the adjugate
-        const T c1 = d.conic.xx * q1 + d.conic.xy * q2, c2 = d.conic.xy * q1 + d.conic.yy * q2;
-        const T t1 = (g22 * c1 - g12 * c2) * of_g, t2 = (g11 * c2 - g21 * c1) * of_g;
-        across1 = across1 + focal * (j.xx * t1 + j.xy * t2);
-        across2 = across2 + focal * (j.xy * t1 + j.yy * t2);
+GS_HD Vec2<T> dilation_backward(const CameraParams<T>& cam, const Projection<T>& p, T d, const Sym2<T>& g) {
+    const Sym2<T>& m = p.dilation;
+    const T xx = m.xx * g.xx + m.xy * g.xy, xy = m.xx * g.xy + m.xy * g.yy, yx = m.xy * g.xx + m.yy * g.xy,
+            yy = m.xy * g.xy + m.yy * g.yy;
+    const Sym2<T> k{xx * m.xx + xy * m.xy, xx * m.xy + xy * m.yy, yx * m.xy + yy * m.yy};
+    const T unit = T(1) / cam.face_focal(), scale = T(-2) / d * unit * unit * unit;
+    Vec2<T> out{T(0), T(0)};
+    const auto add = [&](const Jet<T>& j, T focal) {
+        const T tx = k.xx * j.x + k.xy * j.y, ty = k.xy * j.x + k.yy * j.y, s = scale * focal * focal;
+        out = out + Vec2<T>{s * (tx * j.xx + ty * j.xy), s * (tx * j.xy + ty * j.yy)};
     };
-    through_offsets(at.x, cam.fx, of_det * p.cov2d.yy, -(of_det * p.cov2d.xy));
-    through_offsets(at.y, cam.fy, -(of_det * p.cov2d.xy), of_det * p.cov2d.xx);
-    const auto add = [&](const Jet<T>& j, T focal, T dm, const Vec3<T>& g) {
-        const Vec3<T> q = cam.rotation * g;
-        const T q1 = dot(at.e1, q), q2 = dot(at.e2, q), qn = dot(at.axis, q);
-        along = along - focal * (j.x * q1 + j.y * q2) * inverse;
-        across1 = across1 + focal * (j.x * dm + (j.xx * q1 + j.xy * q2 - j.x * qn) * inverse);
-        across2 = across2 + focal * (j.y * dm + (j.xy * q1 + j.yy * q2 - j.y * qn) * inverse);
-    };
-    add(at.x, cam.fx, d.mean.x, g1);
-    add(at.y, cam.fy, d.mean.y, g2);
-    return cam.rotation.transposed_times((at.axis * along + at.e1 * across1 + at.e2 * across2) * inverse);
+    add(p.at.x, cam.fx);
+    add(p.at.y, cam.fy);
+    return out;
+}
+
+/// Returns the gradient of the mean on screen, for the densification statistic, from that on its face.
+template <class T>
+GS_HD Vec2<T> mean_on_screen_backward(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& dm) {
+    if (cam.lens.is_pinhole()) return dm;
+    const FaceJacobian<T> g(cam, p.at);
+    const T inverse = T(1) / g.det();
+    return {(g.yy * dm.x - g.yx * dm.y) * inverse, (g.xx * dm.y - g.xy * dm.x) * inverse};
 }
 
 /// Computes steps 1 and 3 to 9 of the backward pass: all steps except the colour. `opacity` is that on screen.
@@ -377,11 +416,16 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
     T g_xx = k * (T(2) * b * c * gb - c * c * ga - b * b * gc);
     T g_xy = k * (b * c * ga - (a * c + b * b) * gb + a * b * gc);
     T g_yy = k * (T(2) * a * b * gb - b * b * ga - a * a * gc);
-    if (g.antialiased) {  // the factor of the opacity
-        const T without = T(0.5) * dL_dlog_opacity / p.undilated_det, with = T(0.5) * dL_dlog_opacity / p.det;
-        g_xx = g_xx + without * (c - T(kAntialiasedDilation)) - with * c;
-        g_xy = g_xy + (with - without) * b;
-        g_yy = g_yy + without * (a - T(kAntialiasedDilation)) - with * a;
+    if (g.antialiased) {  // the factor of the opacity, by the dilated covariance
+        const T with = T(0.5) * dL_dlog_opacity / p.det;
+        g_xx = g_xx - with * c, g_xy = g_xy + with * b, g_yy = g_yy - with * a;
+    }
+    const bool pinhole = cam.lens.is_pinhole();
+    const Vec2<T> dm = pinhole ? d.mean : d.mean + dilation_backward(cam, p, dilation_of(g), {g_xx, g_xy, g_yy});
+    if (g.antialiased) {  // and by that without dilation
+        const T without = T(0.5) * dL_dlog_opacity / p.undilated_det, dilation = T(kAntialiasedDilation);
+        const Sym2<T> m = pinhole ? Sym2<T>{dilation, T(0), dilation} : p.dilation;
+        g_xx = g_xx + without * (c - m.yy), g_xy = g_xy - without * (b - m.xy), g_yy = g_yy + without * (a - m.xx);
     }
 
     // World covariance: G3 = A^T G2 A; J W: 2 G2 A Sigma.
@@ -389,7 +433,7 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
     const Sym3<T> g3{p.a1.x * q1.x + p.a2.x * q2.x, p.a1.x * q1.y + p.a2.x * q2.y, p.a1.x * q1.z + p.a2.x * q2.z,
                      p.a1.y * q1.y + p.a2.y * q2.y, p.a1.y * q1.z + p.a2.y * q2.z, p.a1.z * q1.z + p.a2.z * q2.z};
     const Vec3<T> g1 = (p.covariance * q1) * T(2), g2 = (p.covariance * q2) * T(2);
-    out.mean = cam.lens.is_pinhole() ? mean_backward(cam, p, d.mean, g1, g2) : lens_mean_backward(cam, p, d, g1, g2);
+    out.mean = mean_backward(pinhole ? cam.rotation : face_rotation(cam.rotation, p.face), p, dm, g1, g2);
 
     // Scales: dL/dvar_k = r_k^T G3 r_k with r_k the k-th column of R. Rotation matrix: 2 G3 R diag(var).
     const Mat3<T>& r = p.rotation;

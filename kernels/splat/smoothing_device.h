@@ -17,7 +17,10 @@ template <class T> GS_HD T pixels_per_unit(const Vec3<T>& mean, const CameraPara
     T area = cam.fx * cam.fy;  // square pixels per square unit at distance 1
     if (!cam.lens.is_pinhole()) {
         if (!cam.lens.reaches(point, distance)) return T(0);
-        const LensPoint<T> at = lens_point_at(cam.lens, point, distance);
+        const Vec3<T> direction = point * (T(1) / distance);
+        Vec3<T> e1, e2;
+        tangent_basis(direction, e1, e2);
+        const LensPoint<T> at = lens_point_at(cam.lens, direction, e1, e2);
         u = at.x.value, v = at.y.value;
         area = area * gs_abs(at.x.x * at.y.y - at.x.y * at.y.x);
     }

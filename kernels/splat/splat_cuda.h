@@ -13,6 +13,16 @@ namespace gs {
 /// A tile of the CUDA blend has 16x12 pixels, covered by six warps of 8x4 pixels.
 inline constexpr int kCudaTileX = kTileWidth, kCudaTileY = 12, kCudaTilePixels = kCudaTileX * kCudaTileY;
 
+/// The shape of a splat through a lens; its PackedSplat holds the outline.
+struct alignas(16) PackedLensShape {
+    float4 a;  ///< as in PackedSplat, on the face
+    float4 b;  ///< qc, face, unused
+
+    static __device__ PackedLensShape of(const LensShape<float>& s) {
+        return {make_float4(s.mx, s.my, s.qa, s.qb), make_float4(s.qc, float(s.face), 0, 0)};
+    }
+};
+
 /// A splat in three 16-byte pieces, so that three instructions read it and no memory sector is shared needlessly. Its
 /// conic is scaled once for all pixels, as in FragmentShape.
 struct alignas(16) PackedSplat {
@@ -38,21 +48,10 @@ struct alignas(16) PackedSplat {
         const unsigned x = __float_as_uint(c.z), y = __float_as_uint(c.w);
         return {int(x & 0xffff), int(x >> 16), int(y & 0xffff), int(y >> 16)};
     }
-};
-
-/// The shape of a splat through a lens, in three 16-byte pieces as its PackedSplat, which then holds the outline.
-struct alignas(16) PackedLensShape {
-    float4 a;  ///< x, qa
-    float4 b;  ///< y, qb
-    float4 c;  ///< axis, qc
-
-    static __device__ PackedLensShape of(const LensShape<float>& s) {
-        return {make_float4(s.x.x, s.x.y, s.x.z, s.qa), make_float4(s.y.x, s.y.y, s.y.z, s.qb),
-                make_float4(s.axis.x, s.axis.y, s.axis.z, s.qc)};
-    }
-    __device__ LensShape<float> shape() const {
-        return {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}, a.w, b.w, c.w};
-    }
+    /// Replaces the outline of a splat through a lens, and its bounds, by its shape and its face: for blending.
+    __device__ void draw_on_face(const PackedLensShape& s) { a = s.a, b.x = s.b.x, c.z = s.b.y; }
+    /// Returns the face that draw_on_face() has set.
+    __device__ float face() const { return c.z; }
 };
 
 /// The tiles that overlap a pixel rectangle.

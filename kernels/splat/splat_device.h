@@ -27,12 +27,10 @@ template <class P> struct FragmentShape {
     }
 };
 
-/// A splat through a lens: an ellipse in the plane that touches the sphere of directions at the mean, where its offset
-/// from a pixel's ray d is -(x.d, y.d), in the pixels of the mean's surroundings (docs/math/rasterizer.md#lenses).
+/// The shape of a splat through a lens, on its face (docs/math/rasterizer.md#lenses).
 template <class P> struct LensShape {
-    Vec3<P> x, y;  ///< rows of the image point's Jacobian by the direction, pixels
-    Vec3<P> axis;  ///< direction of the mean, unit
-    P qa, qb, qc;  ///< as in FragmentShape
+    P mx, my, qa, qb, qc;  ///< as in FragmentShape, in pixels of the face
+    int face;              ///< face_of() the mean
 };
 
 /// Returns the threshold of a splat with this opacity.
@@ -48,15 +46,14 @@ template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) {
 
 /// The gradients of the loss with respect to one splat.
 template <class T> struct SplatGradient {
-    Vec2<T> mean;   ///< pixels
+    Vec2<T> mean;   ///< pixels, of the face through a lens
     Sym2<T> conic;  ///< matrix gradient (half convention)
     T opacity;      ///< activated opacity
     Vec3<T> color;  ///< after the colour activation
 };
 
 /// The sums of one splat over its pixels, with h = -alpha dL/dalpha. r, g and b are sums of w dL/dpixel, where w is
-/// alpha times the transmittance: with dL/dpixel = 1 they are the splat's blending weights. Through a lens the terms of
-/// hx and hy are weighted by LensFragment::cosine, as the gradient of the mean needs them.
+/// alpha times the transmittance: with dL/dpixel = 1 they are the splat's blending weights.
 template <class P> struct SplatSums {
     P h, hx, hy, hxx, hxy, hyy, r, g, b;
 

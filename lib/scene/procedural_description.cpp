@@ -207,7 +207,7 @@ World read_world(const YamlSection& top) {
 CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
     const YamlSection section(
         node, where,
-        {"width", "height", "fov", "radius", "elevation_min", "elevation_max", "look_at", "train", "test"});
+        {"width", "height", "fov", "radius", "elevation_min", "elevation_max", "look_at", "turn", "train", "test"});
     CameraRig rig;
     section.read("width", rig.width, 8, 16384);
     section.read("height", rig.height, 8, 16384);
@@ -221,6 +221,7 @@ CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
     section.read("elevation_min", rig.elevation_min, -89, 89);
     section.read("elevation_max", rig.elevation_max, rig.elevation_min, 89);
     section.read("look_at", rig.look_at, -kFar, kFar);
+    section.read("turn", rig.turn, 0, 180);
     section.read("train", rig.train, 1, 10000);
     section.read("test", rig.test, 0, 10000);
     return rig;
@@ -351,6 +352,16 @@ LensCamera rig_lens(const CameraRig& rig) {
     return lens;
 }
 
+/// Returns a direction at most `angle` radians from another.
+Vector3d turned(double angle, const Vector3d& forward, bool test, int index) {
+    // Streams 0 to 2 are those of the points and of photography().
+    const Philox4 bits = philox(0, RngStream::kScene, test ? 4 : 3, std::uint32_t(index));
+    const double cosine = 1 - uniform_from_bits<double>(bits.v[0]) * (1 - std::cos(angle)),
+                 azimuth = 2 * M_PI * uniform_from_bits<double>(bits.v[1]), sine = std::sqrt(1 - cosine * cosine);
+    const Vector3d side = forward.unitOrthogonal(), other = forward.cross(side);
+    return cosine * forward + sine * (std::cos(azimuth) * side + std::sin(azimuth) * other);
+}
+
 Camera rig_camera(const CameraRig& rig, bool test, int index) {
     // Training azimuths advance by the golden angle while the heights increase steadily. Test azimuths are evenly
     // spaced and the heights are mixed, so that no test view repeats a training view.
@@ -361,8 +372,8 @@ Camera rig_camera(const CameraRig& rig, bool test, int index) {
         kDegree * (rig.elevation_min + (rig.elevation_max - rig.elevation_min) * (test ? spread : even));
     const Vector3d outward(std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
                            std::sin(elevation));
-    const Vector3d forward = -outward, right = forward.cross(Vector3d::UnitZ()).normalized(),
-                   down = forward.cross(right);
+    const Vector3d forward = rig.turn > 0 ? turned(rig.turn * kDegree, -outward, test, index) : Vector3d(-outward);
+    const Vector3d right = forward.cross(Vector3d::UnitZ()).normalized(), down = forward.cross(right);
     Camera camera;
     static_cast<LensCamera&>(camera) = rig_lens(rig);
     camera.rotation.row(0) = right;

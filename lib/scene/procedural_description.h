@@ -13,7 +13,8 @@
 
 namespace gs::procedural {
 
-/// Cameras on a spherical cap around `look_at`. All cameras look at it, with world z up in the picture.
+/// Cameras on a spherical cap around `look_at`. They look at it, or up to `turn` beside it, with world z up in the
+/// picture.
 struct CameraRig {
     int width = 160, height = 120;  ///< pixels
     double fov = 45;                ///< horizontal field of view, degrees
@@ -22,6 +23,7 @@ struct CameraRig {
     double radius = 4;                              ///< distance to look_at, world units
     double elevation_min = 15, elevation_max = 60;  ///< degrees above the horizon
     Eigen::Vector3d look_at{0, 0, 0};
+    double turn = 0;           ///< largest angle to the direction of look_at, degrees; all on this cap are as likely
     int train = 40, test = 8;  ///< number of views
 };
 

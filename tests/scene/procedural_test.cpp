@@ -362,6 +362,25 @@ TEST(BuiltinScenes, ExposureIsTheBaseSceneTimesKnownFactors) {
     EXPECT_EQ(photography(load_description("glossy"), false, 3).stops, 0);
 }
 
+TEST(BuiltinScenes, TurnedCamerasLookAroundFromTheSamePlaces) {
+    Description straight = small("room"), turned = straight;
+    turned.cameras.turn = 60;
+    double most = 0, sum = 0;
+    constexpr int kViews = 400;
+    straight.cameras.train = turned.cameras.train = kViews;
+    for (int i = 0; i < kViews; ++i) {
+        const Camera a = rig_camera(straight.cameras, false, i), b = rig_camera(turned.cameras, false, i);
+        EXPECT_LT((a.rotation.transpose() * a.translation - b.rotation.transpose() * b.translation).norm(), 1e-12);
+        EXPECT_NEAR(b.rotation.determinant(), 1, 1e-12);
+        EXPECT_NEAR(b.rotation(0, 2), 0, 1e-12) << "world z is up in the picture";
+        const double cosine = a.rotation.row(2).dot(b.rotation.row(2));
+        sum += cosine, most = std::max(most, std::acos(cosine));
+    }
+    EXPECT_LE(most, M_PI / 3 + 1e-9);
+    EXPECT_GT(most, 0.9 * M_PI / 3);
+    EXPECT_NEAR(sum / kViews, 0.75, 0.03) << "all directions are as likely";
+}
+
 TEST(BuiltinScenes, MistakesAreNamed) {
     EXPECT_NE(message_of([] { load_description("glosy"); }).find("exposure, glossy"), std::string::npos);
     EXPECT_THROW(load_description("missing/file.yaml"), DataError);
