@@ -23,7 +23,7 @@ namespace {
 struct StagedSplat {
     float mx, my, qa, qb;
     float qc, opacity, red, green, blue;
-    float face;  ///< through a lens
+    int face;  ///< through a lens
 
     FragmentShape<float> __device__ shape() const { return {mx, my, qa, qb, qc, opacity}; }
 };
@@ -48,10 +48,10 @@ template <bool kLens> __device__ inline StagedSplat load_splat(unsigned at) {
     const float4 a = load_shared4(at), b = load_shared4(at + 16);
     if constexpr (kLens) {
         const float4 c = load_shared4(at + 32);
-        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, c.z};
+        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, __float_as_int(c.z)};
     } else {
         const float2 c = load_shared2(at + 32);
-        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, -1};
+        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, 0};
     }
 }
 
@@ -98,8 +98,9 @@ struct BlockMemory {
     unsigned processed, pairs;  ///< instances until all pixels of the block were finished; pixels times hits
     unsigned first_chunk;
 };
-/// The shapes of the same splats through a lens, until they replace the outlines.
+/// The pixels on the faces of a lens, and the shapes of the same splats until they replace the outlines.
 struct LensMemory {
+    FacePixels pixels;
     PackedLensShape shapes[2][kChunk];
 };
 struct NoLensMemory {};
@@ -221,12 +222,11 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
     if (threadIdx.x == 0) {
         shared.processed = shared.pairs = 0;
         shared.nothing = {};
-        if constexpr (kLens) shared.nothing.draw_on_face({.a = {}, .b = make_float4(0, -1, 0, 0)});
     }
     __syncthreads();
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
     const float px = mine.pixel.x + 0.5f, py = mine.pixel.y + 0.5f;
-    FacePixels<1> on_face;
+    if constexpr (kLens) lens.pixels.find(image, mine.pixel);
     const auto fetch = [&](int buffer, std::uint32_t g) {
         begin_splat(shared.splats[buffer][threadIdx.x], splats[g]);
         if constexpr (kLens) begin_splat(lens.shapes[buffer][threadIdx.x], image.lens_shapes[g]);
@@ -293,22 +293,11 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
                 StagedSplat s[kAtOnce];
                 float alpha[kAtOnce];
 #pragma unroll
-                for (int u = 0; u < kAtOnce; ++u) s[u] = load_splat<kLens>(places[u]);
-                bool same_face = true;
-#pragma unroll
-                for (int u = 0; u < kAtOnce; ++u) same_face &= !kLens || s[u].face == on_face.face;
-                if (same_face) {
-#pragma unroll
-                    for (int u = 0; u < kAtOnce; ++u)
-                        alpha[u] = fragment_alpha(s[u].shape(), kLens ? on_face.at[0].x : px,
-                                                  kLens ? on_face.at[0].y : py)
-                                       .alpha;
-                } else {
-#pragma unroll
-                    for (int u = 0; u < kAtOnce; ++u) {
-                        on_face.turn_to(s[u].face, image, mine.pixel);
-                        alpha[u] = fragment_alpha(s[u].shape(), on_face.at[0].x, on_face.at[0].y).alpha;
-                    }
+                for (int u = 0; u < kAtOnce; ++u) {
+                    s[u] = load_splat<kLens>(places[u]);
+                    float2 at = make_float2(px, py);
+                    if constexpr (kLens) at = lens.pixels.on(s[u].face);
+                    alpha[u] = fragment_alpha(s[u].shape(), at.x, at.y).alpha;
                 }
                 unsigned bits = 0;
 #pragma unroll
@@ -348,7 +337,7 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
 }
 
 template <bool kForBackward, class Lens>
-__global__ void __launch_bounds__(kCudaTilePixels, 6)
+__global__ void __launch_bounds__(kCudaTilePixels, std::is_empty_v<Lens> ? 6 : 5)
     blend_forward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
                   StepControl* __restrict__ control, BlendTrail trail) {
     __shared__ BlockMemory shared;

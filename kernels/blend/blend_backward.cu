@@ -33,6 +33,38 @@ struct WarpMemory {
     std::uint32_t list[kChunk];                 ///< instances that changed a pixel of the sub-tile
 };
 
+/// The places of a sub-tile's pixels on the faces of a lens: two of a column at a time.
+struct LensMemory {
+    float4 pixels[kFaces][kSubY / 2][kSubX];
+
+    __device__ void find(const BlendImage& image, int2 corner, int lane) {
+        const int x = lane % kSubX, y = lane / kSubX;
+        image.on_faces(pixel_of(corner, lane),
+                       [&](int face, float2 p) { reinterpret_cast<float2*>(&pixels[face][y / 2][x])[y % 2] = p; });
+    }
+};
+struct NoLensMemory {};
+template <class Lens> inline constexpr bool kIsLens = std::is_same_v<Lens, LensMemory>;
+
+/// The places of a lane's column of pixels: on screen, or on the face of a splat.
+struct ColumnPixels {
+    float x[kSubY], y[kSubY];
+
+    template <class Lens> __device__ ColumnPixels(const Lens& lens, int2 first, int column, const float4& splat_c) {
+        if constexpr (kIsLens<Lens>) {
+            const int face = __float_as_int(splat_c.z);
+#pragma unroll
+            for (int k = 0; k < kSubY / 2; ++k) {
+                const float4 two = lens.pixels[face][k][column];
+                x[2 * k] = two.x, y[2 * k] = two.y, x[2 * k + 1] = two.z, y[2 * k + 1] = two.w;
+            }
+        } else {
+#pragma unroll
+            for (int k = 0; k < kSubY; ++k) x[k] = first.x + 0.5f, y[k] = first.y + k + 0.5f;
+        }
+    }
+};
+
 /// The work of a lane: fragments of a column of pixels and of a group of splats. Lanes that differ only in the lowest
 /// bit have the same group, and lanes that differ only in the next bit have the same column, so that shared memory
 /// serves a warp's reads of either at once.
@@ -64,7 +96,7 @@ __device__ void add(float4* to, float4 x) {
 template <bool kLens> struct HalfSplat {
     float4 shape{};
     float color = 0;
-    float face = -1;  ///< in the second half
+    float face = 0;  ///< the bits of an integer, in the second half
 
     HalfSplat() = default;  ///< half of a splat that changes nothing
     __device__ HalfSplat(const PackedSplat& from, int half) : shape((&from.a)[half]), color((&from.c.x)[half]) {}
@@ -135,10 +167,10 @@ __device__ float sum_over_columns(const float (&x)[kOwn], int lane) {
 
 /// Adds the gradients of a batch to its splats. `h` and `w` belong to a lane's fragments, by pixel and splat.
 /// `first_pixel` is that of the lane. `target` belongs to the splat that this lane shares with its neighbour.
-template <bool kFixedOrder, bool kLens>
-__device__ void add_gradients(WarpMemory& memory, FacePixels<kSubY>& on_face, const BlendImage& image,
-                              const float (&h)[kSubY][kOwn], const float (&w)[kSubY][kOwn], int2 first_pixel,
-                              std::uint32_t target, int sub_tile, int lane, PackedSums* __restrict__ sums) {
+template <bool kFixedOrder, class Lens>
+__device__ void add_gradients(WarpMemory& memory, const Lens& lens, const float (&h)[kSubY][kOwn],
+                              const float (&w)[kSubY][kOwn], int2 first_pixel, std::uint32_t target, int sub_tile,
+                              int lane, PackedSums* __restrict__ sums) {
     const float px = first_pixel.x + 0.5f, centre_y = first_pixel.y + 0.5f * kSubY;
     const auto [column, group] = LaneOf(lane);
     float blue[kOwn];
@@ -157,12 +189,12 @@ __device__ void add_gradients(WarpMemory& memory, FacePixels<kSubY>& on_face, co
         }
         const int half_splat = 8 * i + 2 * group;
         const float2 mean = *reinterpret_cast<const float2*>(&memory.batch[group][3 * i]);
-        if constexpr (kLens) {
-            on_face.turn_to(memory.batch[group][3 * i + 2].z, image, first_pixel);
+        if constexpr (kIsLens<Lens>) {
+            const ColumnPixels pixels(lens, first_pixel, column, memory.batch[group][3 * i + 2]);
             SplatSums<float> s{};
 #pragma unroll
             for (int y = 0; y < kSubY; ++y) {
-                const float dx = mean.x - on_face.at[y].x, dy = mean.y - on_face.at[y].y;
+                const float dx = mean.x - pixels.x[y], dy = mean.y - pixels.y[y];
                 const float hx = h[y][i] * dx, hy = h[y][i] * dy;
                 s.hx += hx, s.hy += hy;
                 s.hxx = gs_fma(hx, dx, s.hxx), s.hxy = gs_fma(hx, dy, s.hxy), s.hyy = gs_fma(hy, dy, s.hyy);
@@ -222,11 +254,12 @@ struct PixelToPass {
 };
 
 /// Processes the part `chunk` of a tile's list for one sub-tile.
-template <bool kFixedOrder, bool kLens>
-__device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
+template <bool kFixedOrder, class Lens>
+__device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
                            const PackedSplat* __restrict__ splats, const BlendImage& image,
                            const float* __restrict__ dL_dimage, const BlendTrail& trail, std::uint32_t num_instances,
                            PackedSums* __restrict__ sums) {
+    constexpr bool kLens = kIsLens<Lens>;
     const int lane = threadIdx.x & 31;
     const int2 corner = sub_tile_corner({int(chunk.corner & 0xffff), int(chunk.corner >> 16)}, sub_tile);
     // These reads depend on nothing else, and are issued together.
@@ -275,7 +308,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     HalfSplat<kLens> splat = fetch(target);
     const auto [column, group] = LaneOf(lane);
     const int2 first_pixel{corner.x + column, corner.y};
-    FacePixels<kSubY> on_face;
+    if constexpr (kLens) lens.find(image, corner, lane);
     float t[kSubY], behind[kSubY];
     // Lanes have loaded neighbouring pixels, and read the pixels of their columns from shared memory.
     float2* const states = reinterpret_cast<float2*>(memory.sums);
@@ -290,7 +323,6 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
     };
 #pragma unroll
     for (int y = 0; y < kSubY; ++y) finish(y);
-    const float px = first_pixel.x + 0.5f;
     for (int first = 0; first < listed; first += kBatch) {
         splat.store(&memory.batch[half.group][3 * half.own], half.second);
         __syncwarp();
@@ -302,15 +334,13 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         for (int i = 0; i < kOwn; ++i) {
             const float4* const s = &memory.batch[group][3 * i];
             const float4 a = s[0], b = s[1];
-            const float2 c = *reinterpret_cast<const float2*>(&s[2]);
-            if constexpr (kLens) on_face.turn_to(s[2].z, image, first_pixel);
+            const float4 c = s[2];
+            const ColumnPixels pixels(lens, first_pixel, column, c);
 #pragma unroll
             for (int y = 0; y < kSubY; ++y) {
                 const float4 g = memory.pixels[y][column];
                 const float of_pixel =
-                    fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, kLens ? on_face.at[y].x : px,
-                                   kLens ? on_face.at[y].y : corner.y + y + 0.5f)
-                        .alpha;
+                    fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, pixels.x[y], pixels.y[y]).alpha;
                 alpha[y][i] = of_pixel >= image.cutoffs.alpha ? of_pixel : 0;
                 slope[y][i] = color_gradient(PixelBackward<float>{.gr = g.x, .gg = g.y, .gb = g.z}, b.w, c.x, c.y);
             }
@@ -341,8 +371,7 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
         } else {
             pass(std::false_type{});
         }
-        add_gradients<kFixedOrder, kLens>(memory, on_face, image, alpha, slope, first_pixel, target, sub_tile, lane,
-                                          sums);
+        add_gradients<kFixedOrder>(memory, lens, alpha, slope, first_pixel, target, sub_tile, lane, sums);
         target = next;
     }
     __syncwarp();  // before the next chunk overwrites data that slower lanes may still read
@@ -351,12 +380,13 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
 /// Processes chunks: each warp takes the next chunk and two of its sub-tiles when it is done with the previous one.
 /// With one block per item a fifth of the warp slots would be empty, since blocks of a few thousand cycles end and
 /// begin all the time.
-template <bool kFixedOrder, bool kLens>
+template <bool kFixedOrder, class Lens>
 __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
     blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
                    const float* __restrict__ dL_dimage, const StepControl* __restrict__ control, BlendTrail trail,
                    PackedSums* __restrict__ sums) {
     __shared__ WarpMemory memories[kWarps];
+    __shared__ Lens lenses[kWarps];
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const unsigned num_items = control->num_chunks * (kSubTiles / 2);
     const auto take = [&] { return lane == 0 ? atomicAdd(trail.next_item, 1u) : 0; };
@@ -374,8 +404,8 @@ __global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
         const unsigned next = take();  // loads during the first sub-tile, and its chunk during the second
 #pragma unroll 1
         for (int k = 0; k < 2; ++k) {
-            walk_chunk<kFixedOrder, kLens>(memories[warp], chunk, first + k, bins, splats, image, dL_dimage, trail,
-                                           std::uint32_t(control->num_instances), sums);
+            walk_chunk<kFixedOrder>(memories[warp], lenses[warp], chunk, first + k, bins, splats, image, dL_dimage,
+                                    trail, std::uint32_t(control->num_instances), sums);
             if (k == 0) item = __shfl_sync(~0u, next, 0), word = word_of(item);
         }
     }
@@ -417,13 +447,13 @@ void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const 
                                      num_multiprocessors() * kBlocksAtOnce);
     const auto [dL_dimage, sums, n, slots] = gradients;
     if (!slots) {
-        const auto kernel = image.rays ? &blend_backward<false, true> : &blend_backward<false, false>;
+        const auto kernel = image.rays ? &blend_backward<false, LensMemory> : &blend_backward<false, NoLensMemory>;
         kernel<<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, sums);
         GS_CUDA_LAUNCHED("blend_backward");
         return;
     }
     GS_CUDA(cudaMemsetAsync(partial_, 0, std::size_t(capacity_) * kSubTiles * sizeof(PackedSums), stream));
-    const auto kernel = image.rays ? &blend_backward<true, true> : &blend_backward<true, false>;
+    const auto kernel = image.rays ? &blend_backward<true, LensMemory> : &blend_backward<true, NoLensMemory>;
     kernel<<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, partial_);
     GS_CUDA_LAUNCHED("blend_backward");
     if (n == 0) return;

@@ -105,8 +105,8 @@ template <class Real> class TileFragments {
   private:
     void find_pixels_on_face() {
         for (int at = 0; at < kTilePixels; at += kLanes) {
-            const Vec2<L> p = face_point<L, Real>(
-                {L::load(rays_[0] + at), L::load(rays_[1] + at), L::load(rays_[2] + at)}, face_);
+            const Vec2<L> p =
+                face_point<L, Real>({L::load(rays_[0] + at), L::load(rays_[1] + at), L::load(rays_[2] + at)}, face_);
             (p.x * L(in_.face_focal)).store(on_face_[face_][0] + at);
             (p.y * L(in_.face_focal)).store(on_face_[face_][1] + at);
         }

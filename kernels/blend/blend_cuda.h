@@ -72,12 +72,15 @@ struct BlendImage {
     const float4* rays;                  ///< (H,W) unit rays of the pixels in x, y and z, through a lens
     float face_focal;                    ///< as in CameraParams
 
-    /// Returns the place of a pixel on a face, pixels of the face; far away outside the image.
-    __device__ float2 on_face(int2 pixel, int face) const {
+    /// Calls f with each face and the place of a pixel on it, in pixels of the face; far away outside the image.
+    template <class F> __device__ void on_faces(int2 pixel, F&& f) const {
         float4 r{};
         if (pixel.x < width && pixel.y < height) r = rays[std::size_t(pixel.y) * width + pixel.x];
-        const Vec2<float> p = face_point(Vec3<float>{r.x, r.y, r.z}, face);
-        return make_float2(p.x * face_focal, p.y * face_focal);
+#pragma unroll
+        for (int face = 0; face < kFaces; ++face) {
+            const Vec2<float> p = face_point(Vec3<float>{r.x, r.y, r.z}, face);
+            f(face, make_float2(p.x * face_focal, p.y * face_focal));
+        }
     }
     /// Returns the place of a splat that is nearest to a tile, or part of one, if the image repeats.
     __device__ float near_x(float mean_x, int corner_x) const {
@@ -85,18 +88,14 @@ struct BlendImage {
     }
 };
 
-/// The places of a column of pixels on the face of a splat, kept while splats are on the same face.
-template <int kPixels> struct FacePixels {
-    float face = -1;
-    float2 at[kPixels] = {};
+/// The places of a tile's pixels on the faces, one pixel a thread, in shared memory.
+struct FacePixels {
+    float2 at[kFaces][kCudaTilePixels];
 
-    /// Finds the places on a face; -1 is that of a splat that changes nothing.
-    __device__ void turn_to(float to, const BlendImage& image, int2 first) {
-        if (to == face || to < 0) return;
-        face = to;
-#pragma unroll
-        for (int y = 0; y < kPixels; ++y) at[y] = image.on_face({first.x, first.y + y}, int(to));
+    __device__ void find(const BlendImage& image, int2 pixel) {
+        image.on_faces(pixel, [&](int face, float2 p) { at[face][threadIdx.x] = p; });
     }
+    __device__ float2 on(int face) const { return at[face][threadIdx.x]; }
 };
 
 class CudaBlend {

@@ -394,9 +394,15 @@ void CudaEngine::begin_lens(const CameraParams<float>& camera, std::int64_t n) {
 }
 
 BlendImage CudaEngine::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
-    return {camera.width,    camera.height,  background,
-            image_,          transmittance_, cutoffs_,
-            camera.period(), lens_shapes_,   lens_shapes_ ? lens_rays_.get() : nullptr,
+    return {camera.width,
+            camera.height,
+            background,
+            image_,
+            transmittance_,
+            cutoffs_,
+            camera.period(),
+            lens_shapes_,
+            lens_shapes_ ? lens_rays_.get() : nullptr,
             camera.face_focal()};
 }
 

@@ -22,8 +22,8 @@ template <class T> struct CameraParams {
 
     /// Returns the distance in pixels after which the image repeats, or 0.
     GS_HD T period() const { return lens.wraps() ? T(width) : T(0); }
-    /// Returns the focal length of the pinholes that draw on the faces of a lens, so that their pixels are about as large
-    /// as those on screen.
+    /// Returns the focal length of the pinholes that draw on the faces of a lens, so that their pixels are about as
+    /// large as those on screen.
     GS_HD T face_focal() const { return lens.wraps() ? fx * T(0.15915494309189535) : fx; }
 };
 

@@ -188,9 +188,10 @@ template <class T, class S> GS_HD Vec2<S> lens_point(const Lens<T>& lens, const 
     return {edge.x + ux * beyond, edge.y + uy * beyond};
 }
 
-// A Gaussian through a lens is drawn on a face of the cube around the camera: where the direction of its mean leaves the
-// cube, as a pinhole camera that looks at the middle of this face draws it. The faces before the camera, to its right and
-// below it are 0, 1 and 2, and those opposite 3, 4 and 5.
+// A Gaussian through a lens is drawn on a face of the cube around the camera: where the direction of its mean leaves
+// the cube, as a pinhole camera that looks at the middle of this face draws it. The faces before the camera, to its
+// right and below it are 0, 1 and 2, and those opposite 3, 4 and 5.
+inline constexpr int kFaces = 6;
 
 /// Returns the face that a direction passes.
 template <class T> GS_HD int face_of(const Vec3<T>& d) {
@@ -205,15 +206,15 @@ template <class T> GS_HD Vec3<T> on_face(const Vec3<T>& d, int face) {
     return face % 3 == 0 ? d : face % 3 == 1 ? Vec3<T>{d.z, d.y, d.x} : Vec3<T>{d.x, d.z, d.y};
 }
 
-/// Returns the direction of the point (u, v) of a face, which is the middle plus u and v in units of its distance. On the
-/// faces 3 to 5, u and v point against the axes: they are quotients by the last coordinate of on_face().
+/// Returns the direction of the point (u, v) of a face, which is the middle plus u and v in units of its distance. On
+/// the faces 3 to 5, u and v point against the axes: they are quotients by the last coordinate of on_face().
 template <class T> GS_HD Vec3<T> face_direction(T u, T v, int face) {
     const T sign = face < 3 ? T(1) : T(-1);
     return on_face(Vec3<T>{u * sign, v * sign, sign}, face);
 }
 
-/// Returns the point (u, v) of the plane of a face that a unit ray meets. For a ray that does not meet the plane, or only
-/// far away, it lies so far away that no splat reaches it.
+/// Returns the point (u, v) of the plane of a face that a unit ray meets. For a ray that does not meet the plane, or
+/// only far away, it lies so far away that no splat reaches it.
 template <class P, class T = P> GS_HD Vec2<P> face_point(const Vec3<P>& ray, int face) {
     const Vec3<P> d = on_face(ray, face);
     const P sign(T(face < 3 ? 1 : -1)), along = d.z * sign, least(T(1e-3));
@@ -238,9 +239,8 @@ template <class T> GS_HD void tangent_basis(const Vec3<T>& n, Vec3<T>& e1, Vec3<
 /// values, because the device would copy a kernel's parameters to memory to pass a reference to them.
 template <class T> GS_NOINLINE LensPoint<T> lens_point_at(Lens<T> lens, Vec3<T> direction, Vec3<T> e1, Vec3<T> e2) {
     using J = Jet<T>;
-    const Vec2<J> at =
-        lens_point(lens, Vec3<J>{J::linear(direction.x, e1.x, e2.x), J::linear(direction.y, e1.y, e2.y),
-                                 J::linear(direction.z, e1.z, e2.z)});
+    const Vec2<J> at = lens_point(lens, Vec3<J>{J::linear(direction.x, e1.x, e2.x), J::linear(direction.y, e1.y, e2.y),
+                                                J::linear(direction.z, e1.z, e2.z)});
     return {at.x, at.y};
 }
 

@@ -249,7 +249,10 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
         const T off2 = p.u * p.u + p.v * p.v, far2 = off2 + T(1), far = gs_sqrt(far2);
         const T height = on_face(p.cam, p.face).y / (gs_abs(p.cam.z) * far);
         const T angle = gs_atan2(rho * far, far2 - rho * gs_sqrt(off2));
-        const T sine = angle < T(0.5 * kPi) ? rho * far / gs_sqrt(rho2 * far2 + (far2 - rho * gs_sqrt(off2)) * (far2 - rho * gs_sqrt(off2))) : T(1);
+        const T sine =
+            angle < T(0.5 * kPi)
+                ? rho * far / gs_sqrt(rho2 * far2 + (far2 - rho * gs_sqrt(off2)) * (far2 - rho * gs_sqrt(off2)))
+                : T(1);
         if (sine > T(0.7) * gs_sqrt(gs_max(T(1) - height * height, T(0)))) {
             const T rows = angle * cam.fy * T(1 / kPi);
             return {mean, {T(kMaxVariance2d), T(0), rows * rows / h2}};
@@ -263,8 +266,9 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
         return focal * focal * (j.xx * j.xx + T(2) * j.xy * j.xy + j.yy * j.yy);
     };
     // The image point is off its linear continuation by half the second derivatives, and by terms of the third order.
-    const T bend = T(0.65) * gs_sqrt(norm2(p.at.x, cam.fx) + norm2(p.at.y, cam.fy)) * rho2 +
-                   T(2) * cam.face_focal() * gs_sqrt(g.xx * g.xx + g.xy * g.xy + g.yx * g.yx + g.yy * g.yy) * rho * rho2;
+    const T bend =
+        T(0.65) * gs_sqrt(norm2(p.at.x, cam.fx) + norm2(p.at.y, cam.fy)) * rho2 +
+        T(2) * cam.face_focal() * gs_sqrt(g.xx * g.xx + g.xy * g.xy + g.yx * g.yx + g.yy * g.yy) * rho * rho2;
     const T half = T(0.5) * (s.xx + s.yy), apart = T(0.5) * (s.xx - s.yy);
     const T least = gs_max(half - gs_sqrt(apart * apart + s.xy * s.xy), T(kMinDeterminant));
     const T ratio = bend / gs_sqrt(h2 * least);

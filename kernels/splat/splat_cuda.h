@@ -19,7 +19,7 @@ struct alignas(16) PackedLensShape {
     float4 b;  ///< qc, face, unused
 
     static __device__ PackedLensShape of(const LensShape<float>& s) {
-        return {make_float4(s.mx, s.my, s.qa, s.qb), make_float4(s.qc, float(s.face), 0, 0)};
+        return {make_float4(s.mx, s.my, s.qa, s.qb), make_float4(s.qc, __int_as_float(s.face), 0, 0)};
     }
 };
 
@@ -51,7 +51,7 @@ struct alignas(16) PackedSplat {
     /// Replaces the outline of a splat through a lens, and its bounds, by its shape and its face: for blending.
     __device__ void draw_on_face(const PackedLensShape& s) { a = s.a, b.x = s.b.x, c.z = s.b.y; }
     /// Returns the face that draw_on_face() has set.
-    __device__ float face() const { return c.z; }
+    __device__ int face() const { return __float_as_int(c.z); }
 };
 
 /// The tiles that overlap a pixel rectangle.

@@ -143,10 +143,10 @@ template <class Model, class Real> struct Projected {
         if (!lens_shapes.empty()) {
             const Vec3<double>& d = rays[std::size_t(y) * width + x];
             const LensShape<Real>& l = lens_shapes[i];
-            const Vec2<Real> at = face_point(Vec3<Real>{ray_coordinate<Real>(d.x), ray_coordinate<Real>(d.y),
-                                                        ray_coordinate<Real>(d.z)},
-                                             l.face) *
-                                  camera.face_focal();
+            const Vec2<Real> at =
+                face_point(Vec3<Real>{ray_coordinate<Real>(d.x), ray_coordinate<Real>(d.y), ray_coordinate<Real>(d.z)},
+                           l.face) *
+                camera.face_focal();
             return fragment_alpha(FragmentShape<Real>{l.mx, l.my, l.qa, l.qb, l.qc, s.opacity}, at.x, at.y);
         }
         return fragment_alpha(FragmentShape<Real>::from(s), exact<Real>(x + 0.5), exact<Real>(y + 0.5));

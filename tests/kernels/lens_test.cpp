@@ -98,10 +98,9 @@ TEST(Lens, CovarianceOnScreenMatchesAMonteCarloProjection) {
             }
             const FaceJacobian<double> j(camera, p.at);
             const Sym2<double>& c = p.cov2d;
-            const double on_screen[3] = {
-                j.xx * j.xx * c.xx + 2 * j.xx * j.xy * c.xy + j.xy * j.xy * c.yy - kDilation,
-                j.xx * j.yx * c.xx + (j.xx * j.yy + j.xy * j.yx) * c.xy + j.xy * j.yy * c.yy,
-                j.yx * j.yx * c.xx + 2 * j.yx * j.yy * c.xy + j.yy * j.yy * c.yy - kDilation};
+            const double on_screen[3] = {j.xx * j.xx * c.xx + 2 * j.xx * j.xy * c.xy + j.xy * j.xy * c.yy - kDilation,
+                                         j.xx * j.yx * c.xx + (j.xx * j.yy + j.xy * j.yx) * c.xy + j.xy * j.yy * c.yy,
+                                         j.yx * j.yx * c.xx + 2 * j.yx * j.yy * c.xy + j.yy * j.yy * c.yy - kDilation};
             const double scale = on_screen[0] + on_screen[2];
             EXPECT_NEAR(mx, camera.fx * p.at.x.value, 0.1 * std::sqrt(scale));
             EXPECT_NEAR(my, camera.fy * p.at.y.value, 0.1 * std::sqrt(scale));
@@ -240,7 +239,8 @@ TEST(Lens, WithoutDistortionDrawsWhatAPinholeDraws) {
         for (int i = 0; i < 12; ++i) {  // beyond the margin the pinhole's Jacobian is clipped
             const double* m = &s[Group::kMean].param[3 * i];
             const Vec3<double> p = camera_point(Vec3<double>{m[0], m[1], m[2]}, pinhole);
-            const bool inside = std::abs(p.x) < 0.6 * p.z * 48 / pinhole.fx && std::abs(p.y) < 0.6 * p.z * 36 / pinhole.fy;
+            const bool inside =
+                std::abs(p.x) < 0.6 * p.z * 48 / pinhole.fx && std::abs(p.y) < 0.6 * p.z * 36 / pinhole.fy;
             if (!inside) s[Group::kOpacity].param[i] = -50;
         }
         Pipeline<double, appearance::None> a, b;
