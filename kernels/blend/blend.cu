@@ -23,7 +23,7 @@ namespace {
 struct StagedSplat {
     float mx, my, qa, qb;
     float qc, opacity, red, green, blue;
-    int face;  ///< through a lens
+    LensShape<float> lens_shape;  ///< through a lens
 
     FragmentShape<float> __device__ shape() const { return {mx, my, qa, qb, qc, opacity}; }
 };
@@ -48,10 +48,10 @@ template <bool kLens> __device__ inline StagedSplat load_splat(unsigned at) {
     const float4 a = load_shared4(at), b = load_shared4(at + 16);
     if constexpr (kLens) {
         const float4 c = load_shared4(at + 32);
-        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, __float_as_int(c.z)};
+        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, PackedSplat{a, b, c}.lens_shape()};
     } else {
         const float2 c = load_shared2(at + 32);
-        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, 0};
+        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, {}};
     }
 }
 
@@ -98,9 +98,9 @@ struct BlockMemory {
     unsigned processed, pairs;  ///< instances until all pixels of the block were finished; pixels times hits
     unsigned first_chunk;
 };
-/// The pixels on the faces of a lens, and the shapes of the same splats until they replace the outlines.
+/// The rays of the pixels through a lens, and the shapes of the same splats until they replace the outlines.
 struct LensMemory {
-    FacePixels pixels;
+    TileRays rays;
     PackedLensShape shapes[2][kChunk];
 };
 struct NoLensMemory {};
@@ -226,7 +226,7 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
     __syncthreads();
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
     const float px = mine.pixel.x + 0.5f, py = mine.pixel.y + 0.5f;
-    if constexpr (kLens) lens.pixels.find(image, mine.pixel);
+    if constexpr (kLens) lens.rays.find(image, mine.pixel);
     const auto fetch = [&](int buffer, std::uint32_t g) {
         begin_splat(shared.splats[buffer][threadIdx.x], splats[g]);
         if constexpr (kLens) begin_splat(lens.shapes[buffer][threadIdx.x], image.lens_shapes[g]);
@@ -256,7 +256,7 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
         if (at < end)
             reached = reached_sub_tiles(shared.splats[buffer][threadIdx.x].splat(), corner, mine.offset,
                                         {mine.kWidth, mine.kHeight});
-        if constexpr (kLens) shared.splats[buffer][threadIdx.x].draw_on_face(lens.shapes[buffer][threadIdx.x]);
+        if constexpr (kLens) shared.splats[buffer][threadIdx.x].set_lens_shape(lens.shapes[buffer][threadIdx.x]);
 #pragma unroll
         for (int k = 0; k < kSubTiles; ++k) {
             const unsigned reaching = __ballot_sync(~0u, reached >> k & 1);
@@ -295,9 +295,12 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
 #pragma unroll
                 for (int u = 0; u < kAtOnce; ++u) {
                     s[u] = load_splat<kLens>(places[u]);
-                    float2 at = make_float2(px, py);
-                    if constexpr (kLens) at = lens.pixels.on(s[u].face);
-                    alpha[u] = fragment_alpha(s[u].shape(), at.x, at.y).alpha;
+                    if constexpr (kLens)
+                        alpha[u] = lens_fragment_alpha<float>(s[u].lens_shape, s[u].opacity,
+                                                              lens.rays.of(s[u].lens_shape.axis))
+                                       .alpha;
+                    else
+                        alpha[u] = fragment_alpha(s[u].shape(), px, py).alpha;
                 }
                 unsigned bits = 0;
 #pragma unroll

@@ -33,35 +33,31 @@ struct WarpMemory {
     std::uint32_t list[kChunk];                 ///< instances that changed a pixel of the sub-tile
 };
 
-/// The places of a sub-tile's pixels on the faces of a lens: two of a column at a time.
+/// The rays of a sub-tile's pixels through a lens, in the axes of the faces.
 struct LensMemory {
-    float4 pixels[kFaces][kSubY / 2][kSubX];
+    float4 xy[kFaceAxes][kSubY / 2][kSubX];  ///< two pixels of a column at a time
+    float4 w[kFaceAxes][kSubX];              ///< a column
+    static_assert(kSubY == 4);
 
     __device__ void find(const BlendImage& image, int2 corner, int lane) {
         const int x = lane % kSubX, y = lane / kSubX;
-        image.on_faces(pixel_of(corner, lane),
-                       [&](int face, float2 p) { reinterpret_cast<float2*>(&pixels[face][y / 2][x])[y % 2] = p; });
+        image.face_rays(pixel_of(corner, lane), [&](int axis, const FaceRay<float>& ray) {
+            reinterpret_cast<float2*>(&xy[axis][y / 2][x])[y % 2] = make_float2(ray.x, ray.y);
+            (&w[axis][x].x)[y] = ray.w;
+        });
     }
 };
 struct NoLensMemory {};
 template <class Lens> inline constexpr bool kIsLens = std::is_same_v<Lens, LensMemory>;
 
-/// The places of a lane's column of pixels: on screen, or on the face of a splat.
-struct ColumnPixels {
-    float x[kSubY], y[kSubY];
+/// The rays of a lane's column of pixels in the axes of a splat's face.
+struct ColumnRays {
+    FaceRay<float> of[kSubY];
 
-    template <class Lens> __device__ ColumnPixels(const Lens& lens, int2 first, int column, const float4& splat_c) {
-        if constexpr (kIsLens<Lens>) {
-            const int face = __float_as_int(splat_c.z);
-#pragma unroll
-            for (int k = 0; k < kSubY / 2; ++k) {
-                const float4 two = lens.pixels[face][k][column];
-                x[2 * k] = two.x, y[2 * k] = two.y, x[2 * k + 1] = two.z, y[2 * k + 1] = two.w;
-            }
-        } else {
-#pragma unroll
-            for (int k = 0; k < kSubY; ++k) x[k] = first.x + 0.5f, y[k] = first.y + k + 0.5f;
-        }
+    __device__ ColumnRays(const LensMemory& lens, int axis, int column) {
+        const float4 top = lens.xy[axis][0][column], low = lens.xy[axis][1][column], w = lens.w[axis][column];
+        of[0] = {top.x, top.y, w.x}, of[1] = {top.z, top.w, w.y};
+        of[2] = {low.x, low.y, w.z}, of[3] = {low.z, low.w, w.w};
     }
 };
 
@@ -96,21 +92,21 @@ __device__ void add(float4* to, float4 x) {
 template <bool kLens> struct HalfSplat {
     float4 shape{};
     float color = 0;
-    float face = 0;  ///< the bits of an integer, in the second half
+    float2 rest{};  ///< c.z and c.w, in the second half
 
     HalfSplat() = default;  ///< half of a splat that changes nothing
     __device__ HalfSplat(const PackedSplat& from, int half) : shape((&from.a)[half]), color((&from.c.x)[half]) {}
-    /// As PackedSplat::draw_on_face().
+    /// As PackedSplat::set_lens_shape().
     __device__ HalfSplat(const PackedSplat& from, const PackedLensShape& lens, int half) : HalfSplat(from, half) {
         const float4 of_lens = (&lens.a)[half];
         if (half)
-            shape.x = of_lens.x, face = of_lens.y;
+            shape.x = of_lens.x, shape.z = of_lens.z, rest = make_float2(of_lens.w, of_lens.y);
         else
             shape = of_lens;
     }
     __device__ void store(float4* to, int half) const {
         to[half] = shape, (&to[2].x)[half] = color;
-        if (kLens && half) to[2].z = face;
+        if (kLens && half) to[2].z = rest.x, to[2].w = rest.y;
     }
 };
 
@@ -190,13 +186,15 @@ __device__ void add_gradients(WarpMemory& memory, const Lens& lens, const float 
         const int half_splat = 8 * i + 2 * group;
         const float2 mean = *reinterpret_cast<const float2*>(&memory.batch[group][3 * i]);
         if constexpr (kIsLens<Lens>) {
-            const ColumnPixels pixels(lens, first_pixel, column, memory.batch[group][3 * i + 2]);
+            const int axis = __float_as_uint(memory.batch[group][3 * i + 2].w) & 3;
+            const ColumnRays rays(lens, axis, column);
             SplatSums<float> s{};
 #pragma unroll
             for (int y = 0; y < kSubY; ++y) {
-                const float dx = mean.x - pixels.x[y], dy = mean.y - pixels.y[y];
+                const FaceRay<float>& ray = rays.of[y];
+                const float dx = gs_fma(mean.x, ray.w, -ray.x), dy = gs_fma(mean.y, ray.w, -ray.y);
                 const float hx = h[y][i] * dx, hy = h[y][i] * dy;
-                s.hx += hx, s.hy += hy;
+                s.hx = gs_fma(hx, ray.w, s.hx), s.hy = gs_fma(hy, ray.w, s.hy);
                 s.hxx = gs_fma(hx, dx, s.hxx), s.hxy = gs_fma(hx, dy, s.hxy), s.hyy = gs_fma(hy, dy, s.hyy);
             }
             memory.sums[half_splat][column] = make_float4(m0, s.hx, s.hy, s.hxx);
@@ -334,13 +332,24 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
         for (int i = 0; i < kOwn; ++i) {
             const float4* const s = &memory.batch[group][3 * i];
             const float4 a = s[0], b = s[1];
-            const float4 c = s[2];
-            const ColumnPixels pixels(lens, first_pixel, column, c);
+            const float2 c = *reinterpret_cast<const float2*>(&s[2]);
+            float of_pixels[kSubY];
+            if constexpr (kLens) {
+                const LensShape<float> shape = PackedSplat{a, b, s[2]}.lens_shape();
+                const ColumnRays rays(lens, shape.axis, column);
+#pragma unroll
+                for (int y = 0; y < kSubY; ++y) of_pixels[y] = lens_fragment_alpha<float>(shape, b.y, rays.of[y]).alpha;
+            } else {
+#pragma unroll
+                for (int y = 0; y < kSubY; ++y)
+                    of_pixels[y] = fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y},
+                                                  first_pixel.x + 0.5f, first_pixel.y + y + 0.5f)
+                                       .alpha;
+            }
 #pragma unroll
             for (int y = 0; y < kSubY; ++y) {
                 const float4 g = memory.pixels[y][column];
-                const float of_pixel =
-                    fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y}, pixels.x[y], pixels.y[y]).alpha;
+                const float of_pixel = of_pixels[y];
                 alpha[y][i] = of_pixel >= image.cutoffs.alpha ? of_pixel : 0;
                 slope[y][i] = color_gradient(PixelBackward<float>{.gr = g.x, .gg = g.y, .gb = g.z}, b.w, c.x, c.y);
             }

@@ -25,6 +25,7 @@ template <class Real> struct TileInput {
     Real period = 0;                               ///< as in CameraParams
     const LensShape<Real>* lens_shapes = nullptr;  ///< of all Gaussians, through a lens; else null
     Real face_focal = 0;                           ///< as in CameraParams
+    bool as_pinholes = false;                      ///< as in Lens
     const Real* rays = nullptr;                    ///< (3,H,W) unit rays of the pixels, through a lens
 
     /// Returns the splat of an instance, at the place that is nearest to the tile if the image repeats.
@@ -82,19 +83,21 @@ template <class Real> class TileFragments {
         shape_ = FragmentShape<L>::from(splat_);
         if (in_.rays) {
             const LensShape<Real>& s = in_.lens_shapes[in_.instances[k].gaussian];
-            shape_ = {L(s.mx), L(s.my), L(s.qa), L(s.qb), L(s.qc), shape_.opacity};
-            face_ = s.face;
-            if (!(faces_ >> face_ & 1)) find_pixels_on_face();
+            lens_shape_ = {
+                L(s.mx), L(s.my), L(s.qa), L(s.qb), L(s.qc), {L(s.forward.x), L(s.forward.y), L(s.forward.z)}, s.axis};
+            if (!(axes_ >> s.axis & 1)) find_rays(s.axis);
         }
         return splat_;
     }
     /// Returns BlockGeometry::touched of the splat.
     unsigned touched() const { return blocks_.touched(splat_); }
-    /// Calls f with the splat's fragments in a block.
+    /// Calls f with the splat's fragments in a block: a FragmentAlpha or a LensFragment.
     template <class F> void in_block(int block, F&& f) const {
         if (!in_.rays) return f(fragment_alpha(shape_, blocks_.px[block % 4], blocks_.py[block / 4]));
         const int at = block * kLanes;
-        f(fragment_alpha(shape_, L::load(on_face_[face_][0] + at), L::load(on_face_[face_][1] + at)));
+        const auto& rays = face_rays_[lens_shape_.axis];
+        f(lens_fragment_alpha<Real>(lens_shape_, shape_.opacity,
+                                    FaceRay<L>{L::load(rays[0] + at), L::load(rays[1] + at), L::load(rays[2] + at)}));
     }
     L alpha(int block) const {
         L alpha(Real(0));
@@ -103,24 +106,25 @@ template <class Real> class TileFragments {
     }
 
   private:
-    void find_pixels_on_face() {
+    void find_rays(int axis) {
         for (int at = 0; at < kTilePixels; at += kLanes) {
-            const Vec2<L> p =
-                face_point<L, Real>({L::load(rays_[0] + at), L::load(rays_[1] + at), L::load(rays_[2] + at)}, face_);
-            (p.x * L(in_.face_focal)).store(on_face_[face_][0] + at);
-            (p.y * L(in_.face_focal)).store(on_face_[face_][1] + at);
+            const FaceRay<L> ray =
+                face_ray(Vec3<L>{L::load(rays_[0] + at), L::load(rays_[1] + at), L::load(rays_[2] + at)}, axis,
+                         in_.face_focal, in_.as_pinholes);
+            ray.x.store(face_rays_[axis][0] + at), ray.y.store(face_rays_[axis][1] + at);
+            ray.w.store(face_rays_[axis][2] + at);
         }
-        faces_ |= 1u << face_;
+        axes_ |= 1u << axis;
     }
 
     const TileInput<Real>& in_;
     const BlockGeometry<Real> blocks_;
     alignas(64) Real rays_[3][kTilePixels];
-    alignas(64) Real on_face_[6][2][kTilePixels];  ///< places of the pixels on a face, found when a splat needs them
-    unsigned faces_ = 0;                           ///< faces with places, as bits
-    int face_ = 0;                                 ///< of the splat
+    alignas(64) Real face_rays_[kFaceAxes][3][kTilePixels];  ///< as in FaceRay, found when a splat needs them
+    unsigned axes_ = 0;                                      ///< axes with rays, as bits
     Splat<Real> splat_;
     FragmentShape<L> shape_;
+    LensShape<L> lens_shape_;
 };
 
 /// Blends a tile. Writes colour (planar, plane stride width*height) and final transmittance of the tile's pixels, and

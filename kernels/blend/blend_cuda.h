@@ -71,16 +71,15 @@ struct BlendImage {
     const PackedLensShape* lens_shapes;  ///< (Gaussians), through a lens; else null
     const float4* rays;                  ///< (H,W) unit rays of the pixels in x, y and z, through a lens
     float face_focal;                    ///< as in CameraParams
+    bool as_pinholes;                    ///< as in Lens
 
-    /// Calls f with each face and the place of a pixel on it, in pixels of the face; far away outside the image.
-    template <class F> __device__ void on_faces(int2 pixel, F&& f) const {
+    /// Calls f with each axis and the ray of a pixel in the axes of its faces; 0 outside the image.
+    template <class F> __device__ void face_rays(int2 pixel, F&& f) const {
         float4 r{};
         if (pixel.x < width && pixel.y < height) r = rays[std::size_t(pixel.y) * width + pixel.x];
 #pragma unroll
-        for (int face = 0; face < kFaces; ++face) {
-            const Vec2<float> p = face_point(Vec3<float>{r.x, r.y, r.z}, face);
-            f(face, make_float2(p.x * face_focal, p.y * face_focal));
-        }
+        for (int axis = 0; axis < kFaceAxes; ++axis)
+            f(axis, face_ray(Vec3<float>{r.x, r.y, r.z}, axis, face_focal, as_pinholes));
     }
     /// Returns the place of a splat that is nearest to a tile, or part of one, if the image repeats.
     __device__ float near_x(float mean_x, int corner_x) const {
@@ -88,14 +87,20 @@ struct BlendImage {
     }
 };
 
-/// The places of a tile's pixels on the faces, one pixel a thread, in shared memory.
-struct FacePixels {
-    float2 at[kFaces][kCudaTilePixels];
+/// The rays of a tile's pixels in the axes of the faces, one pixel a thread, in shared memory.
+struct TileRays {
+    float2 xy[kFaceAxes][kCudaTilePixels];
+    float w[kFaceAxes][kCudaTilePixels];
 
     __device__ void find(const BlendImage& image, int2 pixel) {
-        image.on_faces(pixel, [&](int face, float2 p) { at[face][threadIdx.x] = p; });
+        image.face_rays(pixel, [&](int axis, const FaceRay<float>& ray) {
+            xy[axis][threadIdx.x] = make_float2(ray.x, ray.y), w[axis][threadIdx.x] = ray.w;
+        });
     }
-    __device__ float2 on(int face) const { return at[face][threadIdx.x]; }
+    __device__ FaceRay<float> of(int axis) const {
+        const float2 p = xy[axis][threadIdx.x];
+        return {p.x, p.y, w[axis][threadIdx.x]};
+    }
 };
 
 class CudaBlend {

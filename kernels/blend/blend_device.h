@@ -6,6 +6,7 @@
 #pragma once
 
 #include "kernels/base/lanes.h"
+#include "kernels/splat/lens_device.h"
 #include "kernels/splat/raster_config.h"
 #include "kernels/splat/splat_device.h"
 
@@ -19,12 +20,27 @@ template <class P> struct FragmentAlpha {
     P alpha;   ///< alpha before the comparison with the cutoff
 };
 
-/// Returns alpha of a splat at pixel centres (px, py), which through a lens lie on the splat's face. The forward and
-/// backward pass both call this function, so that they agree on which fragments count.
+/// Returns alpha of a splat at pixel centres (px, py). The forward and backward pass both call this function, so that
+/// they agree on which fragments count.
 template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
     const P dx = s.mx - px, dy = s.my - py;
     // Terms of dx alone come first: the backward pass on the device computes them once for a column of pixels.
     return {dx, dy, s.opacity * exp2_nonpositive(gs_fma(dy, gs_fma(s.qc, dy, s.qb * dx), s.qa * dx * dx))};
+}
+
+/// A fragment through a lens.
+template <class P> struct LensFragment : FragmentAlpha<P> {
+    P w;  ///< FaceRay::w
+};
+
+/// Returns alpha of a splat at the ray of a pixel. A splat does not reach the other half of the sphere.
+template <class T, class P>
+GS_HD LensFragment<P> lens_fragment_alpha(const LensShape<P>& s, P opacity, FaceRay<P> ray) {
+    // The shape relative to (0, 0), so that the offset is not rounded with the mean.
+    const P x = gs_fma(s.mx, ray.w, P(T(0)) - ray.x), y = gs_fma(s.my, ray.w, P(T(0)) - ray.y);
+    const FragmentAlpha<P> f = fragment_alpha(FragmentShape<P>{x, y, s.qa, s.qb, s.qc, opacity}, P(T(0)), P(T(0)));
+    const P forward = gs_fma(s.forward.x, ray.x, gs_fma(s.forward.y, ray.y, s.forward.z * ray.w));
+    return {{x, y, select(at_least(forward, P(T(1e-3))), f.alpha, P(T(0)))}, ray.w};
 }
 
 /// The front-to-back state of a pixel.
@@ -148,15 +164,20 @@ GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const 
     return select(at_least(P(T(kLargestScore)), square) & blended, square, P(T(0)));
 }
 
-/// Adds one fragment to the sums of its splat.
-template <class P, class T>
-GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb,
-                                   const Cutoffs<T>& cutoffs, SplatSums<P>& sum) {
+/// Adds one fragment to the sums of its splat. Fragment is FragmentAlpha or LensFragment.
+template <class P, class T, class Fragment>
+GS_HD void blend_fragment_backward(PixelBackward<P>& s, const Fragment& f, P cr, P cg, P cb, const Cutoffs<T>& cutoffs,
+                                   SplatSums<P>& sum) {
     const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, color_gradient(s, cr, cg, cb), cutoffs);
     const P hx = d.h * f.dx, hy = d.h * f.dy;
     sum.h = sum.h + d.h;
-    sum.hx = sum.hx + hx;
-    sum.hy = sum.hy + hy;
+    if constexpr (requires { f.w; }) {
+        sum.hx = gs_fma(hx, f.w, sum.hx);
+        sum.hy = gs_fma(hy, f.w, sum.hy);
+    } else {
+        sum.hx = sum.hx + hx;
+        sum.hy = sum.hy + hy;
+    }
     sum.hxx = gs_fma(hx, f.dx, sum.hxx);
     sum.hxy = gs_fma(hx, f.dy, sum.hxy);
     sum.hyy = gs_fma(hy, f.dy, sum.hyy);

@@ -9,22 +9,26 @@
 namespace gs {
 namespace {
 
-struct NoFacePixels {};
-template <bool kLens> using PixelsOf = std::conditional_t<kLens, FacePixels, NoFacePixels>;
+struct NoRays {};
+template <bool kLens> using Rays = std::conditional_t<kLens, TileRays, NoRays>;
 
 /// Splats of a warp's batch that reach its sub-tile.
 template <bool kLens> struct WarpBatch {
     PackedSplat splats[32];
 
     __device__ void put(int place, PackedSplat s, const BlendImage& image, std::uint32_t gaussian) {
-        if constexpr (kLens) s.draw_on_face(image.lens_shapes[gaussian]);
+        if constexpr (kLens) s.set_lens_shape(image.lens_shapes[gaussian]);
         splats[place] = s;
     }
     /// Returns alpha of the k-th splat at a pixel.
-    __device__ float alpha(int k, int2 pixel, const PixelsOf<kLens>& pixels) const {
-        float2 at = make_float2(pixel.x + 0.5f, pixel.y + 0.5f);
-        if constexpr (kLens) at = pixels.on(splats[k].face());
-        return fragment_alpha(splats[k].shape(), at.x, at.y).alpha;
+    __device__ float alpha(int k, int2 pixel, const Rays<kLens>& rays) const {
+        const FragmentShape<float> s = splats[k].shape();
+        if constexpr (kLens) {
+            const LensShape<float> shape = splats[k].lens_shape();
+            return lens_fragment_alpha<float>(shape, s.opacity, rays.of(shape.axis)).alpha;
+        } else {
+            return fragment_alpha(s, pixel.x + 0.5f, pixel.y + 0.5f).alpha;
+        }
     }
 };
 
@@ -33,13 +37,13 @@ template <bool kLens>
 __global__ void __launch_bounds__(kCudaTilePixels)
     find_medians(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image) {
     __shared__ WarpBatch<kLens> batches[kSubTiles];
-    __shared__ PixelsOf<kLens> pixels;
+    __shared__ Rays<kLens> rays;
     const int tile = int(blockIdx.x), warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const int2 sub_tile = sub_tile_corner(tile_corner(tile, bins.tiles_x), warp), pixel = pixel_of(sub_tile, lane);
     const bool inside = pixel.x < image.width && pixel.y < image.height;
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
     WarpBatch<kLens>& batch = batches[warp];
-    if constexpr (kLens) pixels.find(image, pixel);
+    if constexpr (kLens) rays.find(image, pixel);
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
     for (std::uint32_t base = begin; base < end; base += 32) {
         if (__all_sync(~0u, p.t <= float(kMedianTransmittance))) break;
@@ -58,7 +62,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         __syncwarp();
         for (int k = 0, count = __popc(hits); k < count; ++k) {
             const Vec3<float> color = batch.splats[k].color();
-            pass_median<float, float>(p, batch.alpha(k, pixel, pixels), color.x, color.y, color.z, image.cutoffs);
+            pass_median<float, float>(p, batch.alpha(k, pixel, rays), color.x, color.y, color.z, image.cutoffs);
         }
         __syncwarp();
     }
@@ -73,14 +77,14 @@ template <bool kFixedOrder, bool kLens>
 __global__ void __launch_bounds__(kCudaTilePixels)
     score_tiles(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, float* __restrict__ out) {
     __shared__ WarpBatch<kLens> batches[kSubTiles];
-    __shared__ PixelsOf<kLens> pixels;
+    __shared__ Rays<kLens> rays;
     __shared__ std::uint32_t all_targets[kSubTiles][32];
     if (!bins.longest_first[blockIdx.x].is_first_of_tile()) return;
     const int tile = bins.longest_first[blockIdx.x].tile(), warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const int2 sub_tile = sub_tile_corner(tile_corner(tile, bins.tiles_x), warp), pixel = pixel_of(sub_tile, lane);
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
     WarpBatch<kLens>& batch = batches[warp];
-    if constexpr (kLens) pixels.find(image, pixel);
+    if constexpr (kLens) rays.find(image, pixel);
     std::uint32_t* targets = all_targets[warp];
     PixelScore<float> p{};  // pixels outside the image have no transmittance left
     if (pixel.x < image.width && pixel.y < image.height) {
@@ -109,7 +113,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         for (int k = 0; k < count; ++k) {
             const Vec3<float> color = batch.splats[k].color();
             const float sum =
-                warp_sum(fragment_score<float, float>(p, batch.alpha(k, pixel, pixels), batch.splats[k].shape().opacity,
+                warp_sum(fragment_score<float, float>(p, batch.alpha(k, pixel, rays), batch.splats[k].shape().opacity,
                                                       color.x + color.y + color.z, image.cutoffs));
             if (lane == k) of_lane = sum;
         }

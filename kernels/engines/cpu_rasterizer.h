@@ -321,6 +321,7 @@ template <class Real, class Model> class CpuRasterizer {
                 camera_.period(),
                 lens_shapes_.empty() ? nullptr : lens_shapes_.data(),
                 camera_.face_focal(),
+                camera_.lens.as_pinholes,
                 lens_shapes_.empty() ? nullptr : rays_.planes.data()};
     }
 

@@ -403,7 +403,8 @@ BlendImage CudaEngine::blend_image(const CameraParams<float>& camera, Vec3<float
             camera.period(),
             lens_shapes_,
             lens_shapes_ ? lens_rays_.get() : nullptr,
-            camera.face_focal()};
+            camera.face_focal(),
+            camera.lens.as_pinholes};
 }
 
 CudaBins CudaEngine::enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,

@@ -49,7 +49,10 @@ template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real
 template <class Real>
 GS_HD LensShape<Real> set_outline(Splat<Real>& s, const CameraParams<Real>& camera, Projection<Real>& p) {
     const Real k = Real(-0.5 * kLog2E), focal = camera.face_focal();
-    const LensShape<Real> shape{focal * p.u, focal * p.v, k * s.a, Real(2) * k * s.b, k * s.c, p.face};
+    const Real sign(p.face < 3 ? 1 : -1), forward = sign / focal;
+    const LensShape<Real> shape{focal * p.u,       focal * p.v, k * s.a,
+                                Real(2) * k * s.b, k * s.c,     {forward * p.u, forward * p.v, sign},
+                                p.face % kFaceAxes};
     const Vec2<Real> mean{camera.fx * p.at.x.value + camera.cx, camera.fy * p.at.y.value + camera.cy};
     const Outline<Real> outline = lens_outline(camera, p, mean, touch_threshold(s));
     s.mean = outline.center, p.cov2d = outline.cov2d;

@@ -54,7 +54,7 @@ template <class T, class U, class Of> CameraParams<T> converted(const CameraPara
     out.lens.max_angle = of(c.lens.max_angle), out.lens.slope = of(c.lens.slope);
     out.lens.sin_max = of(c.lens.sin_max), out.lens.cos_max = of(c.lens.cos_max);
     out.lens.cos_drawn = of(c.lens.cos_drawn);
-    out.lens.pinhole_depth = c.lens.pinhole_depth;
+    out.lens.as_pinholes = c.lens.as_pinholes;
     return out;
 }
 

@@ -48,9 +48,9 @@ template <class T> struct Lens {
     T max_angle = {}, slope = {};
     T sin_max = {}, cos_max = {};  ///< of max_angle
     T cos_drawn = {};              ///< cosine of the largest angle at which the mean of a Gaussian is drawn
-    /// Whether the depth of a Gaussian is its largest coordinate, as for six pinhole cameras along the axes and against
-    /// them, and not its distance.
-    bool pinhole_depth = false;
+    /// Whether Gaussians are drawn and ordered as by six pinhole cameras that look along the axes and against them, not
+    /// each as by one that looks at its mean, and by distance.
+    bool as_pinholes = false;
 
     GS_HD bool is_pinhole() const { return model <= CameraModel::kPinhole; }
     /// Returns whether the left and the right border of the image are the same place.
@@ -188,10 +188,10 @@ template <class T, class S> GS_HD Vec2<S> lens_point(const Lens<T>& lens, const 
     return {edge.x + ux * beyond, edge.y + uy * beyond};
 }
 
-// A Gaussian through a lens is drawn on a face of the cube around the camera: where the direction of its mean leaves
-// the cube, as a pinhole camera that looks at the middle of this face draws it. The faces before the camera, to its
-// right and below it are 0, 1 and 2, and those opposite 3, 4 and 5.
-inline constexpr int kFaces = 6;
+// The faces of the cube around the camera are the images of six pinhole cameras. A Gaussian through a lens has its
+// coordinates on the face that the direction of its mean passes, whether it is drawn as that pinhole does or not. The
+// faces before the camera, to its right and below it are 0, 1 and 2, and those opposite 3, 4 and 5.
+inline constexpr int kFaceAxes = 3;
 
 /// Returns the face that a direction passes.
 template <class T> GS_HD int face_of(const Vec3<T>& d) {
@@ -213,14 +213,17 @@ template <class T> GS_HD Vec3<T> face_direction(T u, T v, int face) {
     return on_face(Vec3<T>{u * sign, v * sign, sign}, face);
 }
 
-/// Returns the point (u, v) of the plane of a face that a unit ray meets. For a ray that does not meet the plane, or
-/// only far away, it lies so far away that no splat reaches it.
-template <class P, class T = P> GS_HD Vec2<P> face_point(const Vec3<P>& ray, int face) {
+/// The ray of a pixel in the axes of a face, in units in which the middle of the face is one focal length away.
+template <class P> struct FaceRay {
+    P x, y, w;  ///< pixels, and along the axis through the middle
+};
+
+/// Returns a unit ray in the axes of a face and of the face opposite. With `as_pinholes` it is as long as the way to
+/// the face, but at most 1000 times as long as the ray.
+template <class P, class T> GS_HD FaceRay<P> face_ray(const Vec3<P>& ray, int face, T focal, bool as_pinholes) {
     const Vec3<P> d = on_face(ray, face);
-    const P sign(T(face < 3 ? 1 : -1)), along = d.z * sign, least(T(1e-3));
-    const P scale = sign * reciprocal(lane_max(along, least));
-    const auto meets = at_least(along, least);
-    return {select(meets, d.x * scale, P(T(kFarOffFace))), select(meets, d.y * scale, P(T(0)))};
+    const P length = as_pinholes ? reciprocal(lane_max(lane_max(d.z, P(T(0)) - d.z), P(T(1e-3)))) : P(T(1));
+    return {d.x * (P(focal) * length), d.y * (P(focal) * length), d.z * length};
 }
 
 /// The image point of a direction and its derivatives.

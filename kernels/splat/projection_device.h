@@ -39,9 +39,10 @@ template <class T> struct Projection {
     Sym2<T> cov2d;       ///< with dilation
     T det;
     T undilated_det{}, compensation{};  ///< antialiased only: det without dilation, and the factor of the opacity
-    // Through a lens only. All above is then by the pinhole of a face.
+    // Through a lens only. All above is then by the pinhole of a face; a1, a2 and cov2d are scaled by `inclination`.
     int face{};         ///< face_of() the mean
     LensPoint<T> at{};  ///< image point of the mean, by u and v
+    T inclination{};    ///< cosine of the angle between the mean and the middle of the face; 1 as pinholes
     Sym2<T> dilation{};
 };
 
@@ -142,6 +143,7 @@ template <class T> struct FaceJacobian {
         xx = fx * at.x.x, xy = fx * at.x.y, yx = fy * at.y.x, yy = fy * at.y.y;
     }
     GS_HD T det() const { return xx * yy - xy * yx; }
+    GS_HD void scale(T k) { xx = xx * k, xy = xy * k, yx = yx * k, yy = yy * k; }
     /// Returns the point of the face whose image is (x, y), as offsets.
     GS_HD Vec2<T> solve(T x, T y) const {
         const T inverse = T(1) / det();
@@ -149,7 +151,7 @@ template <class T> struct FaceJacobian {
     }
 };
 
-/// Computes steps 4 to 8 for the mean in p.cam by the pinhole of its face. The dilation is round on screen.
+/// Computes steps 4 to 8 for the mean in p.cam in the axes of its face. The dilation is round on screen.
 template <class T>
 GS_HD void project_on_face(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
     p.face = face_of(p.cam);
@@ -159,14 +161,15 @@ GS_HD void project_on_face(const GaussianGeometry<T>& g, const CameraParams<T>& 
     p.v = p.vc = p.cam.y * inv_z;
     p.j11 = p.j22 = cam.face_focal() * inv_z;
     const Mat3<T> r = face_rotation(cam.rotation, p.face);
-    p.a1 = (r.r0 - r.r2 * p.u) * p.j11;
-    p.a2 = (r.r1 - r.r2 * p.v) * p.j22;
+    p.inclination = cam.lens.as_pinholes ? T(1) : T(1) / gs_sqrt(T(1) + p.u * p.u + p.v * p.v);
+    p.a1 = (r.r0 - r.r2 * p.u) * (p.j11 * p.inclination);
+    p.a2 = (r.r1 - r.r2 * p.v) * (p.j22 * p.inclination);
     const T sign = p.face < 3 ? T(1) : T(-1);
     p.at = lens_point_at(cam.lens, face_direction(p.u, p.v, p.face), on_face(Vec3<T>{sign, T(0), T(0)}, p.face),
                          on_face(Vec3<T>{T(0), sign, T(0)}, p.face));
     const FaceJacobian<T> jacobian(cam, p.at);
     const Vec2<T> x = jacobian.solve(T(1), T(0)), y = jacobian.solve(T(0), T(1));
-    const T d = dilation_of(g);
+    const T d = dilation_of(g) * p.inclination * p.inclination;
     p.dilation = {d * (x.x * x.x + y.x * y.x), d * (x.x * x.y + y.x * y.y), d * (x.y * x.y + y.y * y.y)};
     project_covariance(g, p.dilation, p);
 }
@@ -180,7 +183,7 @@ template <class T> GS_HD Vec3<T> camera_point(const Vec3<T>& mean, const CameraP
 /// the largest coordinate.
 template <class T> GS_HD T depth_of(const Vec3<T>& point, const CameraParams<T>& cam) {
     if (cam.lens.is_pinhole()) return point.z;
-    if (!cam.lens.pinhole_depth) return gs_sqrt(dot(point, point));
+    if (!cam.lens.as_pinholes) return gs_sqrt(dot(point, point));
     return gs_max(gs_max(gs_abs(point.x), gs_abs(point.y)), gs_abs(point.z));
 }
 
@@ -238,27 +241,34 @@ template <class T> struct Outline {
 template <class T>
 GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& mean, T threshold) {
     constexpr double kPi = 3.14159265358979323846;
-    // The largest extent on the face, in its distances from the camera, and as an angle.
-    const T unit = T(1) / cam.face_focal(), h2 = T(2) * threshold;
+    // The largest extent, as the sine of an angle, or as by pinholes on the face. Offsets from a unit ray that differ
+    // along the mean belong to a smaller angle.
+    const T unit = T(1) / cam.face_focal(), h2 = T(2) * threshold, off2 = p.u * p.u + p.v * p.v;
     const Sym2<T>& c = p.cov2d;
-    const T half_c = T(0.5) * (c.xx + c.yy), apart_c = T(0.5) * (c.xx - c.yy);
-    const T rho2 = h2 * unit * unit * (half_c + gs_sqrt(apart_c * apart_c + c.xy * c.xy)), rho = gs_sqrt(rho2);
-    if (!(rho < T(kMostLensExtent))) return {mean, {T(kMaxVariance2d), T(0), T(kMaxVariance2d)}};
+    const bool as_pinholes = cam.lens.as_pinholes;
+    const T along =
+        as_pinholes ? T(0)
+                    : (p.u * p.u * c.xx + T(2) * p.u * p.v * c.xy + p.v * p.v * c.yy) * p.inclination * p.inclination;
+    const T trace = T(0.5) * (c.xx + c.yy - along);
+    const T rho2 = h2 * unit * unit *
+                   (trace + gs_sqrt(gs_max(trace * trace - p.det * p.inclination * p.inclination, T(0)))),
+            rho = gs_sqrt(rho2);
+    if (!(rho < T(as_pinholes ? kMostFaceExtent : kMostLensExtent)))
+        return {mean, {T(kMaxVariance2d), T(0), T(kMaxVariance2d)}};
     // Near the poles of a 360-degree image the outline is a band of rows.
     if (cam.lens.wraps()) {
-        const T off2 = p.u * p.u + p.v * p.v, far2 = off2 + T(1), far = gs_sqrt(far2);
+        const T far2 = off2 + T(1), far = gs_sqrt(far2), ahead = far2 - rho * gs_sqrt(off2);
         const T height = on_face(p.cam, p.face).y / (gs_abs(p.cam.z) * far);
-        const T angle = gs_atan2(rho * far, far2 - rho * gs_sqrt(off2));
-        const T sine =
-            angle < T(0.5 * kPi)
-                ? rho * far / gs_sqrt(rho2 * far2 + (far2 - rho * gs_sqrt(off2)) * (far2 - rho * gs_sqrt(off2)))
-                : T(1);
+        const T angle = as_pinholes ? gs_atan2(rho * far, ahead) : gs_atan2(rho, gs_sqrt(T(1) - rho2));
+        const T sine = !as_pinholes ? rho : ahead > T(0) ? rho * far / gs_sqrt(rho2 * far2 + ahead * ahead) : T(1);
         if (sine > T(0.7) * gs_sqrt(gs_max(T(1) - height * height, T(0)))) {
             const T rows = angle * cam.fy * T(1 / kPi);
             return {mean, {T(kMaxVariance2d), T(0), rows * rows / h2}};
         }
     }
-    const FaceJacobian<T> g(cam, p.at);
+    // Offsets on the face are those from a unit ray divided by the inclination, to first order.
+    FaceJacobian<T> g(cam, p.at);
+    g.scale(T(1) / p.inclination);
     const Vec2<T> row1{g.xx * c.xx + g.xy * c.xy, g.xx * c.xy + g.xy * c.yy},
         row2{g.yx * c.xx + g.yy * c.xy, g.yx * c.xy + g.yy * c.yy};
     const Sym2<T> s{row1.x * g.xx + row1.y * g.xy, row1.x * g.yx + row1.y * g.yy, row2.x * g.yx + row2.y * g.yy};
@@ -266,9 +276,10 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
         return focal * focal * (j.xx * j.xx + T(2) * j.xy * j.xy + j.yy * j.yy);
     };
     // The image point is off its linear continuation by half the second derivatives, and by terms of the third order.
-    const T bend =
-        T(0.65) * gs_sqrt(norm2(p.at.x, cam.fx) + norm2(p.at.y, cam.fy)) * rho2 +
-        T(2) * cam.face_focal() * gs_sqrt(g.xx * g.xx + g.xy * g.xy + g.yx * g.yx + g.yy * g.yy) * rho * rho2;
+    const T on_face = T(1) / (p.inclination * p.inclination),
+            size_g = cam.face_focal() * gs_sqrt(g.xx * g.xx + g.xy * g.xy + g.yx * g.yx + g.yy * g.yy);
+    const T bend = T(0.65) * gs_sqrt(norm2(p.at.x, cam.fx) + norm2(p.at.y, cam.fy)) * on_face * on_face * rho2 +
+                   size_g * ((as_pinholes ? T(0) : T(1.3) * gs_sqrt(off2) * on_face) + T(2) * rho) * rho2;
     const T half = T(0.5) * (s.xx + s.yy), apart = T(0.5) * (s.xx - s.yy);
     const T least = gs_max(half - gs_sqrt(apart * apart + s.xy * s.xy), T(kMinDeterminant));
     const T ratio = bend / gs_sqrt(h2 * least);
@@ -287,8 +298,15 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
                                  : Vec2<T>{turn_cosine * circle[k - 1].x - turn_sine * circle[k - 1].y,
                                            turn_sine * circle[k - 1].x + turn_cosine * circle[k - 1].y};
         const Vec2<T> e{l11 * u.x, l21 * u.x + l22 * u.y};
-        const Vec2<T> d = g.solve(e.x, e.y);
-        const Vec2<T> at = lens_point(cam.lens, face_direction(p.u + d.x * unit, p.v + d.y * unit, p.face));
+        const Vec2<T> d = g.solve(e.x, e.y) * unit;
+        T w = T(1);  // along the axis of the face
+        if (!as_pinholes) {
+            const T b = p.u * d.x + p.v * d.y, k = p.inclination * p.inclination;
+            w = k * (gs_sqrt(gs_max(b * b + (T(1) - d.x * d.x - d.y * d.y) / k, T(0))) - b);
+        }
+        const T sign = p.face < 3 ? T(1) : T(-1);
+        const Vec2<T> at = lens_point(
+            cam.lens, gs::on_face(Vec3<T>{(p.u * w + d.x) * sign, (p.v * w + d.y) * sign, w * sign}, p.face));
         T x = cam.fx * at.x + cam.cx;
         if (cam.lens.wraps()) x = nearest_repeat(x, mean.x, cam.period());
         circle[k] = u, off[k] = Vec2<T>{x, cam.fy * at.y + cam.cy} - mean - e;
@@ -308,7 +326,7 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
         const Vec2<T> q = circle[k] + off[k];
         size = gs_max(size, of_det * (m.yy * q.x * q.x - T(2) * m.xy * q.x * q.y + m.xx * q.y * q.y));
     }
-    const T grow = T(1.05) * size / h2;
+    const T grow = T(1.1) * size / h2;
     const T a = l11 * l11, b = l11 * l21, ab = l11 * l22;
     return {mean + center,
             {grow * a * m.xx, grow * (b * m.xx + ab * m.xy),
@@ -378,8 +396,9 @@ GS_HD Vec3<T> mean_backward(const Mat3<T>& rotation, const Projection<T>& p, con
     return rotation.transposed_times(dp);
 }
 
-/// Returns the gradient of the point of a mean on its face by way of the dilation, pixels of the face; g is that of the
-/// dilation. With the Jacobian G of the image point, the dilation d (G^T G)^-1 changes with G.
+/// Returns the gradient of the point of a mean on its face by way of the dilation, pixels of the face; d is its
+/// variance on screen times the square of the inclination, and g its gradient. With the Jacobian G of the image point,
+/// the dilation d (G^T G)^-1 changes with G.
 template <class T>
 GS_HD Vec2<T> dilation_backward(const CameraParams<T>& cam, const Projection<T>& p, T d, const Sym2<T>& g) {
     const Sym2<T>& m = p.dilation;
@@ -425,7 +444,13 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
         g_xx = g_xx - with * c, g_xy = g_xy + with * b, g_yy = g_yy - with * a;
     }
     const bool pinhole = cam.lens.is_pinhole();
-    const Vec2<T> dm = pinhole ? d.mean : d.mean + dilation_backward(cam, p, dilation_of(g), {g_xx, g_xy, g_yy});
+    Vec2<T> dm = d.mean;
+    T k_inclination = T(1), d_inclination = T(0);
+    if (!pinhole) {
+        k_inclination = p.inclination;
+        dm = dm + dilation_backward(cam, p, dilation_of(g) * k_inclination * k_inclination, {g_xx, g_xy, g_yy});
+        d_inclination = T(2) * (g_xx * p.dilation.xx + T(2) * g_xy * p.dilation.xy + g_yy * p.dilation.yy);
+    }
     if (g.antialiased) {  // and by that without dilation
         const T without = T(0.5) * dL_dlog_opacity / p.undilated_det, dilation = T(kAntialiasedDilation);
         const Sym2<T> m = pinhole ? Sym2<T>{dilation, T(0), dilation} : p.dilation;
@@ -437,7 +462,16 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
     const Sym3<T> g3{p.a1.x * q1.x + p.a2.x * q2.x, p.a1.x * q1.y + p.a2.x * q2.y, p.a1.x * q1.z + p.a2.x * q2.z,
                      p.a1.y * q1.y + p.a2.y * q2.y, p.a1.y * q1.z + p.a2.y * q2.z, p.a1.z * q1.z + p.a2.z * q2.z};
     const Vec3<T> g1 = (p.covariance * q1) * T(2), g2 = (p.covariance * q2) * T(2);
-    out.mean = mean_backward(pinhole ? cam.rotation : face_rotation(cam.rotation, p.face), p, dm, g1, g2);
+    if (pinhole) {
+        out.mean = mean_backward(cam.rotation, p, dm, g1, g2);
+    } else {
+        if (!cam.lens.as_pinholes) {  // inclination = (1 + u^2 + v^2)^(-1/2)
+            d_inclination = d_inclination + dot(p.a1, g1) + dot(p.a2, g2);
+            const T to_uv = -(d_inclination * k_inclination * k_inclination / cam.face_focal());
+            dm = dm + Vec2<T>{p.u * to_uv, p.v * to_uv};
+        }
+        out.mean = mean_backward(face_rotation(cam.rotation, p.face), p, dm, g1 * k_inclination, g2 * k_inclination);
+    }
 
     // Scales: dL/dvar_k = r_k^T G3 r_k with r_k the k-th column of R. Rotation matrix: 2 G3 R diag(var).
     const Mat3<T>& r = p.rotation;

@@ -44,11 +44,9 @@ inline constexpr double kMaxRawOpacity = 10;
 /// Margin around the image, as a fraction of its size, up to which the projection's Jacobian is evaluated (3DGS: 1.3
 /// tan(fov/2)).
 inline constexpr double kFrustumMargin = 0.15;
-/// Largest extent of a splat through a lens whose outline on screen is an ellipse, in distances of its face from the
-/// camera. A larger one may reach all pixels.
-inline constexpr double kMostLensExtent = 2;
-/// Place on a face of rays that do not meet it. Its square times a conic is within the range of float.
-inline constexpr double kFarOffFace = 1e12;
+/// Largest extents of a splat through a lens whose outline on screen is an ellipse: as the sine of an angle, and drawn
+/// as by pinholes in distances of its face from the camera. A larger splat may reach all pixels.
+inline constexpr double kMostLensExtent = 0.95, kMostFaceExtent = 2;
 inline constexpr double kLog2E = 1.4426950408889634;
 
 /// A tile of the CPU has 16x16 pixels, which are 16 blocks of 4x4, so that one lane operation tests all blocks of a

@@ -16,10 +16,12 @@ inline constexpr int kCudaTileX = kTileWidth, kCudaTileY = 12, kCudaTilePixels =
 /// The shape of a splat through a lens; its PackedSplat holds the outline.
 struct alignas(16) PackedLensShape {
     float4 a;  ///< as in PackedSplat, on the face
-    float4 b;  ///< qc, face, unused
+    float4 b;  ///< qc, axis with the sign of forward.z, forward.x, forward.y
 
     static __device__ PackedLensShape of(const LensShape<float>& s) {
-        return {make_float4(s.mx, s.my, s.qa, s.qb), make_float4(s.qc, __int_as_float(s.face), 0, 0)};
+        const unsigned sign = __float_as_uint(s.forward.z) & 0x80000000u;
+        return {make_float4(s.mx, s.my, s.qa, s.qb),
+                make_float4(s.qc, __uint_as_float(unsigned(s.axis) | sign), s.forward.x, s.forward.y)};
     }
 };
 
@@ -48,10 +50,16 @@ struct alignas(16) PackedSplat {
         const unsigned x = __float_as_uint(c.z), y = __float_as_uint(c.w);
         return {int(x & 0xffff), int(x >> 16), int(y & 0xffff), int(y >> 16)};
     }
-    /// Replaces the outline of a splat through a lens, and its bounds, by its shape and its face: for blending.
-    __device__ void draw_on_face(const PackedLensShape& s) { a = s.a, b.x = s.b.x, c.z = s.b.y; }
-    /// Returns the face that draw_on_face() has set.
-    __device__ int face() const { return __float_as_int(c.z); }
+    /// Replaces the outline of a splat through a lens, with its threshold and bounds, by its shape: for blending.
+    __device__ void set_lens_shape(const PackedLensShape& s) {
+        a = s.a, b.x = s.b.x, b.z = s.b.z, c.z = s.b.w, c.w = s.b.y;
+    }
+    /// Returns what set_lens_shape() has set.
+    __device__ LensShape<float> lens_shape() const {
+        const unsigned axis = __float_as_uint(c.w);
+        return {a.x,          a.y, a.z, a.w, b.x, {b.z, c.z, __uint_as_float((axis & 0x80000000u) | 0x3f800000u)},
+                int(axis & 3)};
+    }
 };
 
 /// The tiles that overlap a pixel rectangle.

@@ -27,10 +27,12 @@ template <class P> struct FragmentShape {
     }
 };
 
-/// The shape of a splat through a lens, on its face (docs/math/rasterizer.md#lenses).
+/// The shape of a splat through a lens, on its face (docs/math/rasterizer.md#lenses). Its offset from a FaceRay is w mx
+/// - x and w my - y.
 template <class P> struct LensShape {
     P mx, my, qa, qb, qc;  ///< as in FragmentShape, in pixels of the face
-    int face;              ///< face_of() the mean
+    Vec3<P> forward;       ///< its product with a FaceRay is positive if the ray is less than 90 degrees from the mean
+    int axis;              ///< face_of() the mean modulo kFaceAxes
 };
 
 /// Returns the threshold of a splat with this opacity.
@@ -53,7 +55,8 @@ template <class T> struct SplatGradient {
 };
 
 /// The sums of one splat over its pixels, with h = -alpha dL/dalpha. r, g and b are sums of w dL/dpixel, where w is
-/// alpha times the transmittance: with dL/dpixel = 1 they are the splat's blending weights.
+/// alpha times the transmittance: with dL/dpixel = 1 they are the splat's blending weights. Through a lens the terms of
+/// hx and hy are weighted by FaceRay::w, by which the offset changes with the mean.
 template <class P> struct SplatSums {
     P h, hx, hy, hxx, hxy, hyy, r, g, b;
 

@@ -48,7 +48,7 @@ StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteratio
         request.camera = camera_params(view.factor > 1 ? reduced(camera, view.factor) : camera);
         request.target.id = id;
     }
-    request.camera.lens.pinhole_depth = orders_as_pinholes(seed_, iteration);
+    request.camera.lens.as_pinholes = orders_as_pinholes(seed_, iteration);
     request.background = view.background;
     request.iteration = iteration;
     request.loss.lambda_dssim = float(options_.lambda_dssim);

@@ -138,18 +138,18 @@ template <class Model, class Real> struct Projected {
         const double dx = s.mean.x.v - (x + 0.5), dy = s.mean.y.v - (y + 0.5);
         return s.opacity.v * std::exp(-0.5 * (s.a.v * dx * dx + s.c.v * dy * dy) - s.b.v * dx * dy) < kMinAlpha / 16;
     }
-    FragmentAlpha<Real> fragment(std::uint32_t i, int x, int y) const {
+    LensFragment<Real> fragment(std::uint32_t i, int x, int y) const {
         const Splat<Real>& s = splats[i];
         if (!lens_shapes.empty()) {
             const Vec3<double>& d = rays[std::size_t(y) * width + x];
-            const LensShape<Real>& l = lens_shapes[i];
-            const Vec2<Real> at =
-                face_point(Vec3<Real>{ray_coordinate<Real>(d.x), ray_coordinate<Real>(d.y), ray_coordinate<Real>(d.z)},
-                           l.face) *
-                camera.face_focal();
-            return fragment_alpha(FragmentShape<Real>{l.mx, l.my, l.qa, l.qb, l.qc, s.opacity}, at.x, at.y);
+            const LensShape<Real>& shape = lens_shapes[i];
+            const FaceRay<Real> ray =
+                face_ray(Vec3<Real>{ray_coordinate<Real>(d.x), ray_coordinate<Real>(d.y), ray_coordinate<Real>(d.z)},
+                         shape.axis, camera.face_focal(), camera.lens.as_pinholes);
+            return lens_fragment_alpha<Real>(shape, s.opacity, ray);
         }
-        return fragment_alpha(FragmentShape<Real>::from(s), exact<Real>(x + 0.5), exact<Real>(y + 0.5));
+        return {fragment_alpha(FragmentShape<Real>::from(s), exact<Real>(x + 0.5), exact<Real>(y + 0.5)),
+                exact<Real>(1)};
     }
     template <class Pixel> void for_pixels(int tile, Pixel&& pixel) const {
         const int x0 = tile % tiles_x * kTile, y0 = tile / tiles_x * kTile;
@@ -422,13 +422,13 @@ template <class Model> class Sample {
             if (p.t.v < kMinTransmittance) break;
             const Splat<Noisy>& s = scene_.splats[list[k]];
             if (scene_.far(list[k], x, y)) continue;
-            const FragmentAlpha<Noisy> f = scene_.fragment(list[k], x, y);
+            const LensFragment<Noisy> f = scene_.fragment(list[k], x, y);
             const FragmentGradient<Noisy> d =
                 fragment_gradient<Noisy, Noisy>(p, f.alpha, color_gradient(p, s.color.x, s.color.y, s.color.z));
             const double h = d.h.v, dx = f.dx.v, dy = f.dy.v, size = std::abs(h), X = std::abs(dx),
                          Y = std::abs(dy) + kMomentShift;
             Sum* to = sums[k].s;
-            to[0].add(h, size), to[1].add(h * dx, size * X), to[2].add(h * dy, size * Y);
+            to[0].add(h, size), to[1].add(h * dx * f.w.v, size * X), to[2].add(h * dy * f.w.v, size * Y);
             to[3].add(h * dx * dx, size * X * X), to[4].add(h * dx * dy, size * X * Y),
                 to[5].add(h * dy * dy, size * Y * Y);
             to[6].add(d.w.v * p.gr.v, std::abs(d.w.v * p.gr.v)), to[7].add(d.w.v * p.gg.v, std::abs(d.w.v * p.gg.v));

@@ -96,7 +96,8 @@ TEST(Lens, CovarianceOnScreenMatchesAMonteCarloProjection) {
                 mx += x / kSamples, my += y / kSamples;
                 xx += x * x / kSamples, xy += x * y / kSamples, yy += y * y / kSamples;
             }
-            const FaceJacobian<double> j(camera, p.at);
+            FaceJacobian<double> j(camera, p.at);
+            j.scale(1 / p.inclination);
             const Sym2<double>& c = p.cov2d;
             const double on_screen[3] = {j.xx * j.xx * c.xx + 2 * j.xx * j.xy * c.xy + j.xy * j.xy * c.yy - kDilation,
                                          j.xx * j.yx * c.xx + (j.xx * j.yy + j.xy * j.yx) * c.xy + j.xy * j.yy * c.yy,
@@ -117,6 +118,7 @@ TEST(Lens, OutlinesHoldAllPixelsThatSplatsReach) {
     std::normal_distribution<double> normal;
     std::vector<TestLens> lenses = test_lenses();
     lenses.push_back(equirectangular_lens());
+    for (std::size_t i = lenses.size(); i-- > 0;) lenses.push_back(drawn_as_pinholes(lenses[i]));
     constexpr int kWidth = 96, kHeight = 64;
     for (const TestLens& test : lenses) {
         SCOPED_TRACE(test.name);
@@ -149,12 +151,9 @@ TEST(Lens, OutlinesHoldAllPixelsThatSplatsReach) {
             if (!drawn) continue;
             for (int y = 0; y < kHeight; ++y)
                 for (int x = 0; x < kWidth; ++x) {
-                    const Vec2<double> at =
-                        face_point(rays[std::size_t(y) * kWidth + x], shape.face) * camera.face_focal();
-                    const double alpha = fragment_alpha(FragmentShape<double>{shape.mx, shape.my, shape.qa, shape.qb,
-                                                                              shape.qc, s.opacity},
-                                                        at.x, at.y)
-                                             .alpha;
+                    const FaceRay<double> ray = face_ray(rays[std::size_t(y) * kWidth + x], shape.axis,
+                                                         camera.face_focal(), camera.lens.as_pinholes);
+                    const double alpha = lens_fragment_alpha<double>(shape, s.opacity, ray).alpha;
                     const double mx =
                         camera.lens.wraps() ? nearest_repeat(s.mean.x, x + 0.5, camera.period()) : s.mean.x;
                     const double dx = mx - (x + 0.5), dy = s.mean.y - (y + 0.5);
@@ -169,7 +168,8 @@ TEST(Lens, OutlinesHoldAllPixelsThatSplatsReach) {
                 }
         }
         EXPECT_GT(reached, 10000);
-        std::printf("%s: outlines are %.2f times what is reached\n", test.name, double(in_outline) / double(reached));
+        std::printf("%s%s: outlines are %.2f times what is reached\n", test.name,
+                    test.lens.as_pinholes ? " as pinholes" : "", double(in_outline) / double(reached));
     }
 }
 
@@ -211,6 +211,12 @@ TEST(LensGradient, MatchesFiniteDifferencesForEveryModelOfLens) {
         EXPECT_GT(check.nonzero, 60);
         check.run<appearance::None>(antialiased(gaussians_before(test, camera, 3)), camera, {0.2, 0.7, 0.4},
                                     random_weights(3 * 36 * 28, 8));
+        CameraParams<double> pinholes = camera;
+        pinholes.lens.as_pinholes = true;
+        check.run<appearance::None>(gaussians_before(test, camera, 3), pinholes, {0.2, 0.7, 0.4},
+                                    random_weights(3 * 36 * 28, 8));
+        check.run<appearance::None>(antialiased(gaussians_before(test, camera, 3)), pinholes, {0.2, 0.7, 0.4},
+                                    random_weights(3 * 36 * 28, 8));
         std::printf("%s: worst relative error %.2e\n", test.name, check.worst);
     }
 }
@@ -231,7 +237,7 @@ TEST(Lens, WithoutDistortionDrawsWhatAPinholeDraws) {
     CameraParams<double> pinhole = test_camera(48, 36), lens = pinhole;
     lens.lens = {.model = CameraModel::kSimpleRadial, .max_angle = 1.2, .slope = 1};
     lens.lens.sin_max = std::sin(1.2), lens.lens.cos_max = lens.lens.cos_drawn = std::cos(1.2);
-    lens.lens.pinhole_depth = true;
+    lens.lens.as_pinholes = true;
     const auto weights = random_weights(3 * 48 * 36, 1);
     for (const bool filtered : {false, true}) {
         auto s = random_gaussians(12, 0, 2);
@@ -274,8 +280,8 @@ TEST(Lens, OrdersGaussiansByDistanceOrAsPinholesDo) {
     std::fill_n(s[Group::kOpacity].param.begin(), 2, 3);
     const double colors[6] = {2, 0, 0, 0, 0, 2};
     std::copy_n(colors, 6, s[Group::kBase].param.begin());
-    const auto worst_difference = [&](bool pinhole_depth) {
-        lens.lens.pinhole_depth = pinhole_depth;
+    const auto worst_difference = [&](bool as_pinholes) {
+        lens.lens.as_pinholes = as_pinholes;
         Pipeline<double, appearance::None> a, b;
         a.render(s, pinhole, {0, 0, 0});
         b.render(s, lens, {0, 0, 0});
@@ -292,10 +298,10 @@ TEST(Lens, OrdersGaussiansByDistanceOrAsPinholesDo) {
     GaussianGeometry<double> g{
         .mean = {1.0, 0.7, 2.0}, .log_scale = {-3, -3, -3}, .rotation = {1, 0, 0, 0}, .raw_opacity = 0};
     EXPECT_FALSE(project_geometry(g, near, p));
-    near.lens.pinhole_depth = false;
+    near.lens.as_pinholes = false;
     EXPECT_TRUE(project_geometry(g, near, p));
     // Beside and behind the camera the pinholes look along other axes.
-    lens.lens.pinhole_depth = true;
+    lens.lens.as_pinholes = true;
     EXPECT_EQ(depth_of(Vec3<double>{-3, 1, 2}, lens), 3);
     EXPECT_EQ(depth_of(Vec3<double>{1, 4, -2}, lens), 4);
     EXPECT_EQ(depth_of(Vec3<double>{1, 4, -5}, lens), 5);
@@ -317,8 +323,9 @@ TEST(Lens, TheSeamOfA360DegreeImageIsNoEdge) {
         }
         Pipeline<double, appearance::None> straight, turned;
         straight.render(s, camera, {0.1, 0.2, 0.3});
-        const int shift = width / 4;  // a quarter turns faces into faces
-        camera.rotation = {{0, 0, 1}, {0, 1, 0}, {-1, 0, 0}};
+        const int shift = 23;
+        const double angle = 2 * M_PI * shift / width, c = std::cos(angle), n = std::sin(angle);
+        camera.rotation = {{c, 0, n}, {0, 1, 0}, {-n, 0, c}};
         turned.render(s, camera, {0.1, 0.2, 0.3});
         for (int channel = 0; channel < 3; ++channel)
             for (int y = 0; y < 32; ++y)

@@ -52,8 +52,8 @@ inline const TestLens& equirectangular_lens() {
 }
 
 /// Returns the lens with the depths of pinholes.
-inline TestLens with_pinhole_depth(TestLens test) {
-    test.lens.pinhole_depth = true;
+inline TestLens drawn_as_pinholes(TestLens test) {
+    test.lens.as_pinholes = true;
     return test;
 }
 

@@ -69,7 +69,7 @@ TEST(StepComposer, OrdersHalfOfTheStepsThroughALensAsPinholesDo) {
     scene.train[1].camera.model = CameraModel::kSimpleFisheye;
     const StepComposer composer(options, appearance_spec(options), scene, nullptr);
     const auto as_pinholes = [&](int iteration) {
-        return composer.compose({.index = 1}, moment_at(options, iteration)).camera.lens.pinhole_depth;
+        return composer.compose({.index = 1}, moment_at(options, iteration)).camera.lens.as_pinholes;
     };
     int ordered = 0;
     for (int i = 0; i < 400; ++i) {
