@@ -15,10 +15,10 @@ namespace {
 /// be 1/2, for identical gradients 1 (experiments: docs/math/ranks.md#batch).
 constexpr double kBatchRate = 0.6;
 
-/// Returns whether a step through a lens orders Gaussians as pinhole cameras do. A random half of the steps does, so
-/// that the model looks right through pinholes, too (docs/math/rasterizer.md#lenses).
-bool orders_as_pinholes(std::uint64_t seed, std::int64_t iteration) {
-    return philox(seed, RngStream::kDepthOrder, std::uint64_t(iteration), 0).v[0] & 1;
+/// Returns whether a step through a lens draws as pinhole cameras do. A random quarter of the steps does, so that the
+/// model looks right through pinholes, too (docs/math/rasterizer.md#lenses).
+bool draws_as_pinholes(std::uint64_t seed, std::int64_t iteration) {
+    return philox(seed, RngStream::kDepthOrder, std::uint64_t(iteration), 0).v[0] % 4 == 0;
 }
 
 }  // namespace
@@ -48,7 +48,7 @@ StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteratio
         request.camera = camera_params(view.factor > 1 ? reduced(camera, view.factor) : camera);
         request.target.id = id;
     }
-    request.camera.lens.as_pinholes = orders_as_pinholes(seed_, iteration);
+    request.camera.lens.as_pinholes = draws_as_pinholes(seed_, iteration);
     request.background = view.background;
     request.iteration = iteration;
     request.loss.lambda_dssim = float(options_.lambda_dssim);
