@@ -57,8 +57,11 @@ TEST(Smoothing, MeasuresPixelsThroughALens) {
             Projection<double> p;
             ASSERT_TRUE(project_geometry(g, camera, p));
             const double rate = pixels_per_unit(g.mean, camera);
+            FaceJacobian<double> on_screen(camera, p.at);
+            on_screen.scale(1 / p.inclination);
             if (rate > 0) {  // the ball has this area in every direction
-                EXPECT_NEAR(std::sqrt(p.undilated_det) / (0.01 * 0.01), rate * rate, 1e-6 * rate * rate);
+                const double area = std::sqrt(p.undilated_det) * std::abs(on_screen.det());
+                EXPECT_NEAR(area / (0.01 * 0.01), rate * rate, 1e-6 * rate * rate);
             }
             EXPECT_TRUE(rate > 0 || share > 0.3);
         }
