@@ -237,6 +237,21 @@ TEST(Lens, WithoutDistortionDrawsWhatAPinholeDraws) {
     CameraParams<double> pinhole = test_camera(48, 36), lens = pinhole;
     lens.lens = {.model = CameraModel::kSimpleRadial, .max_angle = 1.2, .slope = 1};
     lens.lens.sin_max = std::sin(1.2), lens.lens.cos_max = lens.lens.cos_drawn = std::cos(1.2);
+    auto one = random_gaussians(12, 0, 2);
+    for (int i = 1; i < 12; ++i) one[Group::kOpacity].param[i] = -50;  // one Gaussian: no order
+    for (const auto& [log_scale, tolerance] : {std::pair{-3.0, 2e-3}, std::pair{-7.0, 1e-3}}) {
+        // Both are right to first order in the Gaussian's extent; the dilation leaves 0.5 pixels.
+        std::fill_n(one[Group::kScale].param.begin(), 3, log_scale);
+        Pipeline<double, appearance::None> a, b;
+        a.render(one, pinhole, {0, 0, 0});
+        b.render(one, lens, {0, 0, 0});
+        double brightest = 0;
+        for (std::size_t i = 0; i < a.image.size(); ++i) {
+            ASSERT_NEAR(a.image[i], b.image[i], tolerance);
+            brightest = std::max(brightest, a.image[i]);
+        }
+        EXPECT_GT(brightest, 0.03);
+    }
     lens.lens.as_pinholes = true;
     const auto weights = random_weights(3 * 48 * 36, 1);
     for (const bool filtered : {false, true}) {

@@ -51,7 +51,7 @@ inline const TestLens& equirectangular_lens() {
     return lens;
 }
 
-/// Returns the lens with the depths of pinholes.
+/// Returns the lens with Gaussians drawn as by pinholes.
 inline TestLens drawn_as_pinholes(TestLens test) {
     test.lens.as_pinholes = true;
     return test;
