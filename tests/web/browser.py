@@ -188,6 +188,16 @@ class Browser:
             raise RuntimeError(f"{expression}: {result['exceptionDetails']}")
         return result["result"].get("value")
 
+    def become_phone(self):
+        """A phone's screen. Its density comes first, with another height: a page is told of a size that changes, and of
+        a density that changes after it not always."""
+        for height in (639, 640):
+            self.call("Emulation.setDeviceMetricsOverride", width=360, height=height, deviceScaleFactor=3, mobile=True)
+            deadline = time.monotonic() + PATIENCE
+            while self.evaluate("devicePixelRatio") != 3:
+                check(time.monotonic() < deadline, f"within {PATIENCE} s the screen is that of a phone")
+                time.sleep(0.05)
+
     def choose_file(self, button, path):
         """Presses a button that asks for a file, and gives it one."""
         self.call("Page.setInterceptFileChooserDialog", enabled=True)

@@ -127,7 +127,9 @@ class Site:
 
 
 # What a page of the viewer says of itself.
-STATE = "[document.title, ...['notice', 'meter', 'info'].map((id) => document.getElementById(id)?.innerText)]"
+STATE = """[document.title, ...['notice', 'meter', 'info'].map((id) => document.getElementById(id)?.innerText),
+  (c => `canvas ${c?.width} x ${c?.height} in ${innerWidth} x ${innerHeight} at density ${devicePixelRatio}`)(
+    document.getElementById('canvas'))]"""
 
 
 def wait_for(browser, expression, what, seconds=PATIENCE):

@@ -13,7 +13,7 @@ import tempfile
 import time
 
 from browser import PATIENCE, Browser, find_chromium, check, check_accessible
-from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
+from site_server import FEWER_PIXELS, SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
 SCENE = [
     "-s",
@@ -96,15 +96,10 @@ def screen_picture(browser):
     return Picture(browser, DECODED % f"new Blob([Uint8Array.from(atob('{shot}'), c => c.charCodeAt(0))])")
 
 
-def set_window(browser, width, height):
-    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-    browser.evaluate(FRAME)
-
-
 def fit_canvas(browser):
     """Makes the canvas as large as a test view, as it can be where the page is the picture alone (?embed)."""
     browser.evaluate("document.body.classList.add('embedded')")
-    set_window(browser, WIDTH, HEIGHT)
+    browser.call("Emulation.setDeviceMetricsOverride", width=WIDTH, height=HEIGHT, deviceScaleFactor=1, mobile=False)
     wait_for(
         browser,
         f"document.getElementById('canvas').width === {WIDTH} && document.getElementById('canvas').height === {HEIGHT}",
@@ -289,7 +284,7 @@ def check_accessibility(browser, site):
     open_viewer(browser, site.url + "#compare=full,other")
     wait_for_label(browser, "right", "none")
     check_accessible(browser, "with a comparison")
-    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=640, deviceScaleFactor=3, mobile=True)
+    browser.become_phone()
     browser.evaluate(FRAME)
     browser.evaluate("document.body.classList.contains('folded') && document.getElementById('toggle').click()")
     check_accessible(browser, "with a comparison on a phone")
@@ -326,7 +321,7 @@ def check_obstacles(browser, site):
 
 def check_phone(browser, site):
     open_viewer(browser, site.url)
-    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=640, deviceScaleFactor=3, mobile=True)
+    browser.become_phone()
     browser.evaluate(FRAME)
     choose(browser, compare_on=True)
     browser.evaluate("document.body.classList.contains('folded') && document.getElementById('toggle').click()")
@@ -407,7 +402,10 @@ def main():
             print("skipped: the viewer is not built (scripts/build-viewer)")
             return 77
         site = Site(folder)
-        with Browser(program, width=800, height=600, flags=SOFTWARE_WEBGL) as browser:
+        # A pixel of the device is one of CSS throughout, as in fit_canvas: an emulated window that keeps its size while
+        # its density changes tells no page so.
+        flags = [flag for flag in SOFTWARE_WEBGL if flag != FEWER_PIXELS]
+        with Browser(program, width=400, height=300, flags=flags) as browser:
             wanted = check_sides(browser, site)
             check_divider(browser, wanted)
             check_link(browser, site)

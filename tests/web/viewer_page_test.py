@@ -290,7 +290,7 @@ def check_appearance(browser):
         browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         colours.append(browser.evaluate("getComputedStyle(document.getElementById('panel')).backgroundColor"))
     check(colours[0] != colours[1], f"dark and light differ, not {colours}")
-    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=640, deviceScaleFactor=3, mobile=True)
+    browser.become_phone()
     check(browser.evaluate("document.documentElement.scrollWidth") <= 360, "a phone's width suffices")
     wait_for(
         browser,

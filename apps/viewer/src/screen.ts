@@ -40,6 +40,19 @@ export class Screen {
       : new Renderer(this.canvas);
     new ResizeObserver(this.resize).observe(this.canvas);
     addEventListener('resize', this.resize); // another density of the screen may become known after the size
+    this.watchDensity();
+  }
+
+  /** A window on another screen may keep its size in CSS pixels, of which no observer of sizes tells. */
+  private watchDensity(): void {
+    matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener(
+      'change',
+      () => {
+        this.watchDensity();
+        this.resize();
+      },
+      { once: true },
+    );
   }
 
   /** A canvas for WebGPU: one that has drawn by one way cannot draw by the other. */
