@@ -31,18 +31,25 @@ SOFTWARE_WEBGPU = (
     "--enable-features=Vulkan",
 )
 
-# Of rgba pixels (an expression) against a PNG file. Equal ones count as 120 dB.
-PSNR = """(async () => {
-  const seen = %s;
-  const picture = await createImageBitmap(await (await fetch('%s')).blob(), { colorSpaceConversion: 'none' });
+# The rgba pixels of a picture in a Blob (an expression).
+DECODED = """(async () => {
+  const picture = await createImageBitmap(%s, { colorSpaceConversion: 'none' });
   const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d', { willReadFrequently: true });
   context.drawImage(picture, 0, 0);
-  const wanted = context.getImageData(0, 0, picture.width, picture.height).data;
+  return context.getImageData(0, 0, picture.width, picture.height).data;
+})()"""
+# The rgba pixels of a file of the site.
+PIXELS_OF = DECODED % "await (await fetch('%s')).blob()"
+
+# Of rgba pixels (an expression) against a PNG file. Equal ones count as 120 dB.
+PSNR = f"""(async () => {{
+  const seen = %s;
+  const wanted = await {PIXELS_OF};
   if (wanted.length !== seen.length) throw new Error('pictures of different size');
   let sum = 0;
   for (let i = 0; i < wanted.length; ++i) if (i %% 4 < 3) sum += ((wanted[i] - seen[i]) / 255) ** 2;
   return -10 * Math.log10(Math.max(sum / (0.75 * wanted.length), 1e-12));
-})()"""
+}})()"""
 
 # Keeps the viewer's pictures of a list of [mode, view] (an expression) as `pictures`, and returns the brightest value
 # of each. All in one call: between two, the page would draw its own picture, which takes as long.

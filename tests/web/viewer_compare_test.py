@@ -13,7 +13,7 @@ import tempfile
 import time
 
 from browser import PATIENCE, Browser, find_chromium, check, check_accessible
-from site_server import FEWER_PIXELS, SOFTWARE_WEBGL, Site, open_viewer, wait_for
+from site_server import DECODED, FEWER_PIXELS, PIXELS_OF, SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
 SCENE = [
     "-s",
@@ -42,12 +42,6 @@ TAB, LEFT, RIGHT, END, HOME, PAGE_DOWN = (
 FRAME = "new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(resolve)))"
 # Bytes of a promise of an array, as text.
 TEXT = "(async () => { let text = ''; for (const byte of %s) text += String.fromCharCode(byte); return btoa(text); })()"
-DECODED = """(async () => {
-    const picture = await createImageBitmap(%s, { colorSpaceConversion: 'none' });
-    const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d', { willReadFrequently: true });
-    context.drawImage(picture, 0, 0);
-    return context.getImageData(0, 0, picture.width, picture.height).data;
-})()"""
 
 
 def run_gsapp(*arguments):
@@ -150,7 +144,7 @@ def check_sides(browser, site):
     open_site(browser, site)
     for mode in ("full", "base", "residual", "depth"):
         wanted[mode] = mode_picture(browser, mode)
-    wanted["photograph"] = Picture(browser, DECODED % f"(await (await fetch('photographs/{VIEW:05}.png')).blob())")
+    wanted["photograph"] = Picture(browser, PIXELS_OF % f"photographs/{VIEW:05}.png")
     pairs = [
         ("full", "base"),
         ("residual", "depth"),
