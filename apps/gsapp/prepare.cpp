@@ -78,7 +78,8 @@ void run_prepare(const PrepareOptions& options, bool json, bool quiet) {
 void add_prepare_command(CLI::App& app, Command& selected) {
     auto options = std::make_shared<PrepareOptions>();
     CLI::App* command = app.add_subcommand(
-        "prepare", "Find the cameras of photographs or a video with colmap and write an undistorted scene");
+        "prepare",
+        "Find the cameras of photographs or a video with colmap and write a scene, undistorted below 360 degrees");
     command->add_option("source", options->source, "Folder of photographs, or a video")
         ->required()
         ->check(CLI::ExistingPath)
@@ -86,10 +87,13 @@ void add_prepare_command(CLI::App& app, Command& selected) {
     command->add_option("-o,--output", options->scene, "Scene folder to make")->required()->type_name("SCENE");
     command->add_option("--fps", options->fps,
                         "Frames a second to take from a video, the sharpest of each interval (default: 2)");
-    command->add_option("--camera-model", options->camera_model, "Lens model of the photographs")
+    command
+        ->add_option("--camera-model", options->camera_model,
+                     "Lens model of the photographs. EQUIRECTANGULAR: 360 degrees; these are kept as they are")
         ->capture_default_str()
         ->check(CLI::IsMember({"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE",
-                               "FULL_OPENCV", "FOV", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"}));
+                               "FULL_OPENCV", "FOV", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE",
+                               "EQUIRECTANGULAR"}));
     command
         ->add_option("--matching", options->matching,
                      "Pairs to compare. exhaustive: all; sequential: neighbours in the order of names; vocab-tree: "

@@ -13,9 +13,11 @@
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
 #include "lib/core/process.h"
+#include "lib/io/atomic_file.h"
 #include "lib/io/temporary.h"
 #include "lib/scene/colmap_reader.h"
 #include "lib/scene/matching.h"
+#include "lib/scene/panorama.h"
 #include "lib/scene/photographs.h"
 #include "lib/scene/prepared_folder.h"
 #include "lib/scene/programs.h"
@@ -56,6 +58,7 @@ class Preparation {
     Preparation(const PrepareOptions& options, const PrepareProgress& progress, const fs::path& work, ProgramLog& log)
         : options_(options), show_(progress), work_(work), log_(log) {
         report_.is_video = is_video(options.source);
+        report_.is_panorama = options.camera_model == "EQUIRECTANGULAR";
     }
 
     /// Makes the scene in the folder `dense()` and returns the report.
@@ -71,11 +74,15 @@ class Preparation {
         report_.photographs = photographs.names.size();
         report_.notes = photographs.notes;
         images_ = provide_upright(given, photographs).string();
+        const std::string whole = images_;
+        if (report_.is_panorama) provide_faces(photographs);
         extract_features(photographs);
         match(matching);
         const fs::path model = reconstruct();
-        undistort(model);
-        arrange_scene(dense());
+        if (report_.is_panorama)
+            keep_whole(model, whole);
+        else
+            undistort(model);
         read_report(photographs);
         return std::move(report_);
     }
@@ -141,6 +148,16 @@ class Preparation {
         return work_ / "photographs";
     }
 
+    /// Writes the faces that colmap sees in place of the photographs.
+    void provide_faces(const Photographs& photographs) {
+        begin("faces");
+        const fs::path faces = work_ / "faces";
+        face_parameters_ = write_faces(images_, photographs.names, faces, [&](std::size_t done) {
+            show(StageCount{std::int64_t(done), std::int64_t(photographs.names.size())});
+        });
+        images_ = faces.string();
+    }
+
     /// Returns the option of `command` that selects the GPU or the CPU, with its value.
     std::vector<std::string> gpu_choice(const std::string& command) {
         const std::string option = program_.option(command, "use_gpu");
@@ -174,9 +191,11 @@ class Preparation {
                                               "--image_path",
                                               images_,
                                               "--ImageReader.camera_model",
-                                              options_.camera_model,
+                                              report_.is_panorama ? "SIMPLE_PINHOLE" : options_.camera_model,
                                               "--ImageReader.single_camera",
                                               sizes.size() == 1 ? "1" : "0"};
+        if (!face_parameters_.empty())
+            arguments.insert(arguments.end(), {"--ImageReader.camera_params", face_parameters_});
         for (std::string& word : gpu_choice("feature_extractor")) arguments.push_back(std::move(word));
         begin("features");
         colmap(std::move(arguments));
@@ -196,13 +215,17 @@ class Preparation {
         fs::create_directories(models);
         begin("registered");
         bool finds_nothing = false;
+        std::vector<std::string> arguments = {"mapper", "--database_path", database(),     "--image_path",
+                                              images_,  "--output_path",   models.string()};
+        // The faces' focal length is known.
+        if (!face_parameters_.empty()) arguments.insert(arguments.end(), {"--Mapper.ba_refine_focal_length", "0"});
         try {
-            colmap({"mapper", "--database_path", database(), "--image_path", images_, "--output_path", models.string()},
-                   [&](const std::string& line) {
-                       if (const auto count = registered_in(line))
-                           show(StageCount{count->done, std::int64_t(report_.photographs)});
-                       finds_nothing |= line.find("failed to create sparse model") != std::string::npos;
-                   });
+            colmap(std::move(arguments), [&](const std::string& line) {
+                if (const auto count = registered_in(line))
+                    show(StageCount{count->done,
+                                    std::int64_t(report_.photographs) * (report_.is_panorama ? kFaces : 1)});
+                finds_nothing |= line.find("failed to create sparse model") != std::string::npos;
+            });
         } catch (const DataError&) {
             if (!finds_nothing) throw;  // otherwise colmap finished its work, and the message below is better
         }
@@ -227,6 +250,18 @@ class Preparation {
         begin("undistorted");
         colmap({"image_undistorter", "--image_path", images_, "--input_path", model.string(), "--output_path",
                 dense().string(), "--output_type", "COLMAP"});
+        arrange_scene(dense());
+    }
+
+    /// Makes the scene from the photographs themselves, with the cameras that follow from those of their faces.
+    void keep_whole(const fs::path& model, const fs::path& whole) {
+        const WholeModel found = write_whole_model(read_colmap_model(model), whole, dense() / "sparse" / "0");
+        for (const std::string& name : found.photographs) copy_file_atomic(whole / name, dense() / "images" / name);
+        if (found.disagreement)
+            report_.notes.push_back(
+                fmt::format("the faces of a photograph of 360 degrees differ by {:.2g} degrees from "
+                            "its camera (median)",
+                            *found.disagreement));
     }
 
     void read_report(const Photographs& photographs) {
@@ -248,6 +283,7 @@ class Preparation {
     ColmapProgram program_;
     PrepareReport report_;
     std::string images_, stage_name_;
+    std::string face_parameters_;  ///< of the faces of photographs of 360 degrees of one size
     int stage_ = 0;
     bool turns_ = false, use_gpu_ = false;
 };
@@ -295,10 +331,10 @@ std::vector<std::string> describe(const PrepareReport& report) {
         if (names.size() > kShown) lines.back() += fmt::format(" and {} more", names.size() - kShown);
     }
     if (!report.other_models.empty())
-        lines.push_back(
-            fmt::format("colmap made {} reconstructions that do not connect: the largest is the scene; the others hold "
-                        "{} {}",
-                        report.other_models.size() + 1, fmt::join(report.other_models, ", "), what));
+        lines.push_back(fmt::format(
+            "colmap made {} reconstructions that do not connect: the largest is the scene; the others hold "
+            "{} {}",
+            report.other_models.size() + 1, fmt::join(report.other_models, ", "), report.is_panorama ? "faces" : what));
     lines.insert(lines.end(), report.notes.begin(), report.notes.end());
     return lines;
 }

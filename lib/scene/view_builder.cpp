@@ -219,7 +219,8 @@ std::shared_ptr<const Image> lens_weights(const Camera& lens) {
     return weights;
 }
 
-ViewImage undistort(const ViewImage& in, const Camera& lens, const Camera& pinhole) {
+ViewImage undistort(const ViewImage& in, const Camera& lens, const Camera& pinhole,
+                    const Eigen::Matrix3d& lens_from_pinhole) {
     ViewImage out;
     out.color = blank(pinhole.width, pinhole.height, in.color.channels, in.color.is_float());
     Image mask = blank(pinhole.width, pinhole.height, 1, false);
@@ -227,8 +228,8 @@ ViewImage undistort(const ViewImage& in, const Camera& lens, const Camera& pinho
     float values[4];
     for (int y = 0; y < pinhole.height; ++y)
         for (int x = 0; x < pinhole.width; ++x) {
-            const Eigen::Vector3d direction((x + 0.5 - pinhole.cx) / pinhole.fx, (y + 0.5 - pinhole.cy) / pinhole.fy,
-                                            1);
+            const Eigen::Vector3d ray((x + 0.5 - pinhole.cx) / pinhole.fx, (y + 0.5 - pinhole.cy) / pinhole.fy, 1);
+            const Eigen::Vector3d direction = lens_from_pinhole * ray;
             const auto source = project(lens, direction);
             if (!source || !lens.is_used_at(direction) ||
                 !(source->x() >= 0 && source->y() >= 0 && source->x() <= lens.width && source->y() <= lens.height)) {

@@ -109,6 +109,32 @@ class Prepare : public ::testing::Test {
     std::string path_before_, home_before_, shown_;
 };
 
+TEST_F(Prepare, PhotographsOf360DegreesStayWhole) {
+    for (const char* name : {"a.png", "sub/b.png", "c.png"}) write_image(photographs() / name, picture(64, 32));
+    register_photographs({"face1/a.png.jpg", "face2/a.png.jpg", "face0/sub/b.png.jpg"});
+    options_.camera_model = "EQUIRECTANGULAR";
+    const PrepareReport report = prepare();
+    EXPECT_EQ(report.registered, 2u);
+    EXPECT_EQ(report.photographs, 3u);
+    EXPECT_EQ(report.points, 4u);
+    EXPECT_EQ(report.left_out, std::vector<std::string>{"c.png"});
+    ASSERT_EQ(report.notes.size(), 1u);
+    EXPECT_CONTAINS(report.notes[0], "the faces of a photograph of 360 degrees differ by ");
+    EXPECT_EQ(text_of(options_.scene / "images/sub/b.png"), text_of(photographs() / "sub/b.png")) << "as it was";
+    EXPECT_FALSE(fs::exists(options_.scene / "images/c.png")) << "without a camera";
+    EXPECT_EQ(std::distance(fs::directory_iterator(options_.scene), fs::directory_iterator()), 3);
+    EXPECT_CONTAINS(text_of(options_.scene / "sparse/0/cameras.txt"), "1 EQUIRECTANGULAR 64 32 64 32\n");
+    for (const char* asked : {"--ImageReader.camera_model SIMPLE_PINHOLE --ImageReader.single_camera 1 "
+                              "--ImageReader.camera_params 10,10,10",
+                              "--Mapper.ba_refine_focal_length 0"})
+        EXPECT_CONTAINS(calls(), asked);
+    EXPECT_EQ(calls().find("image_undistorter"), std::string::npos);
+    EXPECT_EQ(shown_,
+              "1/4 faces \n1/4 faces 1/3\n1/4 faces 2/3\n1/4 faces 3/3\n2/4 features \n2/4 features 1/2\n2/4 features "
+              "2/2\n3/4 matching \n3/4 "
+              "matching 4/9\n4/4 registered \n4/4 registered 2/18\n");
+}
+
 TEST_F(Prepare, MakesASceneFromFourStages) {
     options_.matching = "sequential";
     options_.camera_model = "SIMPLE_RADIAL";
