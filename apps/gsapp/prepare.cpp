@@ -78,8 +78,7 @@ void run_prepare(const PrepareOptions& options, bool json, bool quiet) {
 void add_prepare_command(CLI::App& app, Command& selected) {
     auto options = std::make_shared<PrepareOptions>();
     CLI::App* command = app.add_subcommand(
-        "prepare",
-        "Find the cameras of photographs or a video with colmap and write a scene, undistorted below 360 degrees");
+        "prepare", "Find the cameras of photographs or a video with colmap and write a scene of undistorted images");
     command->add_option("source", options->source, "Folder of photographs, or a video")
         ->required()
         ->check(CLI::ExistingPath)
@@ -89,7 +88,7 @@ void add_prepare_command(CLI::App& app, Command& selected) {
                         "Frames a second to take from a video, the sharpest of each interval (default: 2)");
     command
         ->add_option("--camera-model", options->camera_model,
-                     "Lens model of the photographs. EQUIRECTANGULAR: 360 degrees; these are kept as they are")
+                     "Lens model of the photographs. EQUIRECTANGULAR: 360-degree photographs, kept as they are")
         ->capture_default_str()
         ->check(CLI::IsMember({"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE",
                                "FULL_OPENCV", "FOV", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE",

@@ -10,6 +10,7 @@
 
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
+#include "lib/scene/panorama.h"
 
 namespace gs {
 namespace {
@@ -17,6 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kFewPhotographs = 300;  // gives 45,000 pairs, which take minutes to an hour
+constexpr int kNeighbours = 10;               // colmap's own overlap of sequences
 constexpr std::string_view kDigits = "0123456789";
 
 /// A name split at its last number.
@@ -62,12 +64,22 @@ fs::path find_vocab_tree(const PrepareOptions& options, ColmapProgram& colmap) {
 
 Matching exhaustive(std::string words) { return {"exhaustive_matcher", {}, std::move(words)}; }
 
-Matching sequential(const fs::path& tree, ColmapProgram& colmap, const std::string& why) {
+/// `per_photograph` is the number of colmap's images of a photograph.
+Matching sequential(const fs::path& tree, ColmapProgram& colmap, int per_photograph, const std::string& why) {
     Matching matching{"sequential_matcher", {}, why + ": each is compared with its neighbours"};
+    // As many photographs as otherwise; a quadratic overlap would skip faces of them.
+    const auto set = [&](const char* name, int value) {
+        if (const std::string option = colmap.option(matching.command, name); !option.empty())
+            matching.arguments.insert(matching.arguments.end(), {option, std::to_string(value)});
+    };
+    if (per_photograph > 1) {
+        set("overlap", kNeighbours * per_photograph);
+        set("quadratic_overlap", 0);
+    }
     const std::string closes = colmap.option(matching.command, "loop_detection"),
                       path = colmap.option(matching.command, "vocab_tree_path");
     if (tree.empty() || closes.empty() || path.empty()) return matching;
-    matching.arguments = {closes, "1", path, tree.string()};
+    matching.arguments.insert(matching.arguments.end(), {closes, "1", path, tree.string()});
     matching.words += fmt::format(", and with those that look alike ({})", tree.string());
     return matching;
 }
@@ -108,13 +120,15 @@ Matching choose_matching(const PrepareOptions& options, const std::vector<std::s
     const std::string& asked = options.matching;
     if (asked == "exhaustive") return exhaustive("all pairs are compared");
     const fs::path tree = find_vocab_tree(options, colmap);
-    if (asked == "sequential") return sequential(tree, colmap, "in the order of their names");
+    const int each = options.is_panorama() ? kPanoramaFaces : 1;
+    if (asked == "sequential") return sequential(tree, colmap, each, "in the order of their names");
     if (asked == "vocab-tree" || (!options.vocab_tree.empty() && !is_video)) return vocab_tree(tree, colmap);
-    if (is_video) return sequential(tree, colmap, "frames of a video");
-    if (names.size() <= kFewPhotographs) return exhaustive(fmt::format("{} photographs: all pairs", names.size()));
+    if (is_video) return sequential(tree, colmap, each, "frames of a video");
+    if (names.size() * std::size_t(each) <= kFewPhotographs)
+        return exhaustive(fmt::format("{} photographs: all pairs", names.size()));
     if (!tree.empty()) return vocab_tree(tree, colmap);
     if (numbered_in_order(names))
-        return sequential(tree, colmap, fmt::format("{} photographs with numbered names", names.size()));
+        return sequential(tree, colmap, each, fmt::format("{} photographs with numbered names", names.size()));
     return exhaustive(
         fmt::format("{} photographs without an order: all pairs are compared, which takes long; --vocab-tree FILE "
                     "compares those that look alike",

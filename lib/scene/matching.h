@@ -20,10 +20,10 @@ struct Matching {
 /// a camera's photographs. `names` must be sorted.
 bool numbered_in_order(const std::vector<std::string>& names);
 
-/// Chooses the matching by --matching. Without it, chooses all pairs for up to 300 photographs. Above that it chooses
-/// the first that applies: neighbouring frames of a video, similar pairs if there is a vocabulary tree, neighbours of
-/// numbered names, all pairs. A video's frames are always compared with their neighbours. Throws UsageError if the
-/// vocabulary tree is missing.
+/// Chooses the matching by --matching. Without it, chooses all pairs for up to 300 photographs or 50 panoramas. Above
+/// that it chooses the first that applies: neighbouring frames of a video, similar pairs if there is a vocabulary tree,
+/// neighbours of numbered names, all pairs. A video's frames are always compared with their neighbours. Throws
+/// UsageError if the vocabulary tree is missing.
 Matching choose_matching(const PrepareOptions& options, const std::vector<std::string>& names, bool is_video,
                          ColmapProgram& colmap);
 

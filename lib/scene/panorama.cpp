@@ -10,8 +10,6 @@
 #include <map>
 #include <mutex>
 #include <numbers>
-#include <set>
-#include <string_view>
 #include <utility>
 
 #include "kernels/base/error.h"
@@ -27,17 +25,16 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr double kRadians = std::numbers::pi / 180;
+// Faces of one panorama that colmap placed rightly differ by some hundredths of a degree.
 constexpr double kOutlier = 5 * kRadians;
-constexpr std::string_view kSuffix = ".jpg";
 
-std::string folder_of(int face) { return fmt::format("face{}/", face); }
-
-/// Returns the rotation from a photograph's camera to that of a face: the face looks further to the right.
-Eigen::Matrix3d face_from_whole(int face) {
-    return Eigen::AngleAxisd(-2 * std::numbers::pi * face / kFaces, Eigen::Vector3d::UnitY()).toRotationMatrix();
+/// Returns the rotation from a panorama's camera to that of a face: the face looks further to the right.
+Eigen::Matrix3d face_from_panorama(int face) {
+    const double angle = 2 * std::numbers::pi * face / kPanoramaFaces;
+    return Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
 }
 
-Camera whole_camera(int width, int height) {
+Camera panorama_camera(int width, int height) {
     const double size[2] = {double(width), double(height)};
     Camera camera;
     static_cast<LensCamera&>(camera) = make_lens_camera(CameraModel::kEquirectangular, width, height, size);
@@ -45,19 +42,19 @@ Camera whole_camera(int width, int height) {
     return camera;
 }
 
-Camera face_camera(int photograph_width) {
-    const int size = int(std::lround(photograph_width / std::numbers::pi));
+Camera face_camera(int panorama_width) {
+    const int size = int(std::lround(panorama_width / std::numbers::pi));
     Camera camera;
     camera.width = camera.height = size;
     camera.fx = camera.fy = camera.cx = camera.cy = 0.5 * size;
     return camera;
 }
 
-/// Returns the width of a photograph, or nothing if colmap could not read it either, as the log then says.
-std::optional<int> checked_width(const fs::path& photograph) {
+/// Returns the width of a panorama, or nothing, after a warning, if the file cannot be read.
+std::optional<int> checked_width(const fs::path& panorama) {
     ImageInfo info;
     try {
-        info = read_image_info(photograph);
+        info = read_image_info(panorama);
     } catch (const DataError& e) {
         log_warning("{}", e.what());
         return {};
@@ -65,23 +62,22 @@ std::optional<int> checked_width(const fs::path& photograph) {
     if (std::abs(info.width - 2 * info.height) > 0.01 * info.width)
         throw DataError(
             fmt::format("image {}: is {}x{}; a photograph of 360 degrees (EQUIRECTANGULAR) is twice as wide as high",
-                        photograph.string(), info.width, info.height));
+                        panorama.string(), info.width, info.height));
     return info.width;
 }
 
-void write_faces_of(const fs::path& images, const std::string& photograph, const fs::path& folder) {
-    ViewImage whole;
+void write_faces_of(const fs::path& images, const std::string& name, const Camera& pinhole, const fs::path& folder) {
+    ViewImage panorama;
     try {
-        whole.color = read_image(images / photograph);
+        panorama.color = read_image(images / name);
     } catch (const DataError& e) {
         log_warning("{}", e.what());
         return;
     }
-    const Camera camera = whole_camera(whole.color.width, whole.color.height);
-    for (int face = 0; face < kFaces; ++face) {
-        const Eigen::Matrix3d whole_from_face = face_from_whole(face).transpose();
-        const fs::path path = folder / face_name(photograph, face);
-        write_image(path, undistort(whole, camera, face_camera(camera.width), whole_from_face).color);
+    const Camera camera = panorama_camera(panorama.color.width, panorama.color.height);
+    for (int face = 0; face < kPanoramaFaces; ++face) {
+        const Eigen::Matrix3d panorama_from_face = face_from_panorama(face).transpose();
+        write_image(folder / face_name(name, face), undistort(panorama, camera, pinhole, panorama_from_face).color);
     }
 }
 
@@ -90,8 +86,8 @@ struct Pose {
     Eigen::Vector3d center;       ///< scene units
 };
 
-/// Returns the index of the pose whose position is nearest to all others.
-std::size_t middle(const std::vector<Pose>& poses) {
+/// Returns the pose with the least sum of distances to the others.
+const Pose& medoid(const std::vector<Pose>& poses) {
     std::size_t best = 0;
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < poses.size(); ++i) {
@@ -99,35 +95,43 @@ std::size_t middle(const std::vector<Pose>& poses) {
         for (const Pose& other : poses) sum += (other.center - poses[i].center).norm();
         if (sum < least) best = i, least = sum;
     }
-    return best;
+    return poses[best];
 }
 
-Pose mean(const std::vector<Pose>& poses) {
-    const Eigen::Quaterniond chosen = poses[middle(poses)].rotation;
+/// Returns the median: of an even number of values the mean of the two in the middle.
+double median(std::vector<double> values) {
+    std::sort(values.begin(), values.end());
+    const std::size_t n = values.size();
+    return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
+}
+
+/// Returns the pose of a panorama, and sets `contradictory` if a face was left out.
+Pose combined(const std::vector<Pose>& poses, bool& contradictory) {
+    const Eigen::Quaterniond& chosen = medoid(poses).rotation;
     Eigen::Vector4d rotation = Eigen::Vector4d::Zero();
-    Eigen::Vector3d center = Eigen::Vector3d::Zero();
-    int count = 0;
+    std::vector<double> centers[3];
     for (const Pose& pose : poses) {
-        if (chosen.angularDistance(pose.rotation) > kOutlier) continue;
+        if (chosen.angularDistance(pose.rotation) > kOutlier) {
+            contradictory = true;
+            continue;
+        }
         rotation += std::copysign(1.0, chosen.dot(pose.rotation)) * pose.rotation.coeffs();
-        center += pose.center;
-        ++count;
+        for (int k = 0; k < 3; ++k) centers[k].push_back(pose.center[k]);
     }
-    return {Eigen::Quaterniond(rotation.normalized()), center / count};
+    return {Eigen::Quaterniond(rotation.normalized()), {median(centers[0]), median(centers[1]), median(centers[2])}};
 }
 
-/// Returns the poses of photographs that the faces state, by the photograph's name.
-std::map<std::string, std::vector<Pose>> stated_poses(const ColmapModel& faces) {
+/// Returns the poses that its faces state, by panorama.
+std::map<std::string, std::vector<Pose>> poses_by_panorama(const ColmapModel& faces) {
     std::map<std::string, std::vector<Pose>> poses;
     for (const ColmapImage& image : faces.images) {
         int face = 0;
-        while (face < kFaces && !image.name.starts_with(folder_of(face))) ++face;
-        if (face == kFaces || !image.name.ends_with(kSuffix))
-            throw DataError(fmt::format("{}: image {} is no face of a photograph", faces.folder.string(), image.name));
-        const std::size_t before = folder_of(face).size();
-        const std::string photograph = image.name.substr(before, image.name.size() - before - kSuffix.size());
-        poses[photograph].push_back({Eigen::Quaterniond(face_from_whole(face).transpose() * image.rotation),
-                                     -image.rotation.transpose() * image.translation});
+        while (face < kPanoramaFaces && !image.name.ends_with(face_name("", face))) ++face;
+        if (face == kPanoramaFaces)
+            throw DataError(fmt::format("{}: image {} is no face of a panorama", faces.folder.string(), image.name));
+        const std::string panorama = image.name.substr(0, image.name.size() - face_name("", face).size());
+        poses[panorama].push_back({Eigen::Quaterniond(face_from_panorama(face).transpose() * image.rotation),
+                                   -image.rotation.transpose() * image.translation});
     }
     return poses;
 }
@@ -145,53 +149,54 @@ void write_points(const SourcePoints& points, const fs::path& path) {
 
 }  // namespace
 
-std::string face_name(const std::string& photograph, int face) {
-    return folder_of(face) + photograph + std::string(kSuffix);
-}
+std::string face_name(const std::string& panorama, int face) { return fmt::format("{}/face{}.jpg", panorama, face); }
 
-std::string write_faces(const fs::path& images, const std::vector<std::string>& photographs, const fs::path& folder,
-                        const std::function<void(std::size_t done)>& progress) {
-    std::set<int> widths;
-    for (const std::string& photograph : photographs)
-        if (const auto width = checked_width(images / photograph)) widths.insert(*width);
+std::string write_faces(const fs::path& images, const std::vector<std::string>& panoramas, const fs::path& folder,
+                        const std::function<void(std::size_t done, std::size_t all)>& progress) {
+    std::vector<std::string> readable;
+    int largest_width = 0;
+    for (const std::string& name : panoramas) {
+        const std::optional<int> width = checked_width(images / name);
+        if (!width) continue;
+        readable.push_back(name);
+        largest_width = std::max(largest_width, *width);
+    }
+    const Camera pinhole = face_camera(largest_width);
     std::size_t done = 0;
     std::mutex counting;
-    parallel_for(std::int64_t(photographs.size()), [&](std::int64_t i) {
+    parallel_for(std::int64_t(readable.size()), [&](std::int64_t i) {
         if (interrupted()) return;
-        write_faces_of(images, photographs[std::size_t(i)], folder);
+        write_faces_of(images, readable[std::size_t(i)], pinhole, folder);
         const std::lock_guard lock(counting);
-        progress(++done);
+        progress(++done, readable.size());
     });
-    if (interrupted()) throw Interrupted("stopped while faces of the photographs were written");
-    if (widths.size() != 1) return "";
-    const Camera camera = face_camera(*widths.begin());
-    return fmt::format("{},{},{}", camera.fx, camera.cx, camera.cy);
+    if (interrupted()) throw Interrupted("stopped while faces of the panoramas were written");
+    return fmt::format("{},{},{}", pinhole.fx, pinhole.cx, pinhole.cy);
 }
 
-WholeModel write_whole_model(const ColmapModel& faces, const fs::path& images, const fs::path& folder) {
-    WholeModel model;
+PanoramaModel write_panorama_model(const ColmapModel& faces, const fs::path& images, const fs::path& folder) {
+    PanoramaModel model;
     std::map<std::pair<int, int>, int> cameras;
     std::string image_lines, camera_lines;
     std::vector<double> angles;
-    for (const auto& [photograph, poses] : stated_poses(faces)) {
-        const ImageInfo info = read_image_info(images / photograph);
-        const auto [camera, is_new] =
-            cameras.try_emplace({info.width, info.height}, int(cameras.size()) + 1);
+    for (const auto& [name, poses] : poses_by_panorama(faces)) {
+        const ImageInfo info = read_image_info(images / name);
+        const auto [camera, is_new] = cameras.try_emplace({info.width, info.height}, int(cameras.size()) + 1);
         if (is_new)
-            camera_lines += fmt::format("{0} EQUIRECTANGULAR {1} {2} {1} {2}\n", camera->second, info.width, info.height);
-        const Pose pose = mean(poses);
+            camera_lines +=
+                fmt::format("{0} EQUIRECTANGULAR {1} {2} {1} {2}\n", camera->second, info.width, info.height);
+        bool contradictory = false;
+        const Pose pose = combined(poses, contradictory);
+        if (contradictory) model.contradictory.push_back(name);
         if (poses.size() > 1)
             for (const Pose& face : poses) angles.push_back(pose.rotation.angularDistance(face.rotation) / kRadians);
         const Eigen::Quaterniond& q = pose.rotation;
         const Eigen::Vector3d t = -(q * pose.center);
-        model.photographs.push_back(photograph);
-        image_lines += fmt::format("{} {} {} {} {} {} {} {} {} {}\n\n", model.photographs.size(), q.w(), q.x(), q.y(),
-                                   q.z(), t.x(), t.y(), t.z(), camera->second, photograph);
+        model.panoramas.push_back(name);
+        image_lines += fmt::format("{} {} {} {} {} {} {} {} {} {}\n\n", model.panoramas.size(), q.w(), q.x(), q.y(),
+                                   q.z(), t.x(), t.y(), t.z(), camera->second, name);
     }
-    if (!angles.empty()) {
-        std::nth_element(angles.begin(), angles.begin() + angles.size() / 2, angles.end());
-        model.disagreement = angles[angles.size() / 2];
-    }
+    if (!angles.empty()) model.disagreement = median(std::move(angles));
     write_text_atomic(folder / "cameras.txt", camera_lines);
     write_text_atomic(folder / "images.txt", image_lines);
     write_points(faces.points, folder / "points3D.txt");

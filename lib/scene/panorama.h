@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photographs of 360 degrees for colmap, which cannot reconstruct their lens: it is given pinhole faces of them, and
-// their cameras follow from those of the faces.
+// Panoramas, which are photographs of 360 by 180 degrees, for colmap, which knows their lens only in late versions: it
+// gets pinhole faces of them, and their cameras follow from those of the faces.
 #pragma once
 
-#include <cstddef>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -14,34 +13,39 @@
 
 namespace gs {
 
-/// Faces of one photograph: each of 90 degrees, around the horizon, so that neighbours share a third of what they see.
-/// What is above or below 45 degrees is in none: mostly sky, and who holds the camera, who moves along with it.
-inline constexpr int kFaces = 6;
+/// Faces of one panorama: each of 90 degrees, around the horizon, so that neighbours share a third of what they see.
+/// What is above or below 45 degrees is in none: mostly sky, and the person holding the camera, who moves with it.
+inline constexpr int kPanoramaFaces = 6;
 
-/// Returns the name of a face, 0 to kFaces-1, of a photograph "sub/b.png": "face2/sub/b.png.jpg".
-std::string face_name(const std::string& photograph, int face);
+/// Returns the name of a face, 0 to kPanoramaFaces-1, of a panorama "sub/b.png": "sub/b.png/face2.jpg". Sorted by name,
+/// the faces of a panorama stand together.
+std::string face_name(const std::string& panorama, int face);
 
-/// Writes the faces of the photographs in `images` below `folder`, as JPEG, a pixel of which takes as large an angle as
-/// one of the photograph at the horizon. Photographs that cannot be read are left out, with a warning. `progress` is
-/// called with the number of photographs done, by one thread at a time. Returns the
-/// parameters f,cx,cy of their pinholes for colmap, or an empty string if the photographs have several sizes. Throws
-/// DataError naming a photograph that is not twice as wide as high (within 1 %) or a face that cannot be written, and
-/// Interrupted if the user stopped it.
-std::string write_faces(const std::filesystem::path& images, const std::vector<std::string>& photographs,
-                        const std::filesystem::path& folder, const std::function<void(std::size_t done)>& progress);
+/// Writes the faces of the panoramas in `images` below `folder`, as JPEG, all of one size. In the middle of a face of
+/// the widest panorama, a pixel covers the same angle as one of the panorama at the horizon. Panoramas that cannot be
+/// read are left out, with a warning. `progress` is called with the numbers of panoramas done and in all, by one thread
+/// at a time. Returns the parameters f,cx,cy of their common pinhole for colmap. Throws DataError naming a panorama
+/// that is not twice as wide as high (within 1 %) or a face that cannot be written, and Interrupted if the user stopped
+/// it.
+std::string write_faces(const std::filesystem::path& images, const std::vector<std::string>& panoramas,
+                        const std::filesystem::path& folder,
+                        const std::function<void(std::size_t done, std::size_t all)>& progress);
 
-/// The result of write_whole_model.
-struct WholeModel {
-    std::vector<std::string> photographs;  ///< those with a camera, sorted
-    /// Median angle between a face's rotation and its photograph's, degrees; empty if no photograph has two faces.
+/// The result of write_panorama_model.
+struct PanoramaModel {
+    std::vector<std::string> panoramas;  ///< those with a camera, sorted
+    /// Median angle between the rotation of a face and what its panorama's says, degrees; empty if no panorama has two
+    /// faces.
     std::optional<double> disagreement;
+    std::vector<std::string> contradictory;  ///< panoramas with faces whose rotations differ by more than 5 degrees
 };
 
-/// Writes a COLMAP model, as text, of the photographs whose faces are in `faces`: EQUIRECTANGULAR cameras of the sizes
-/// that the files in `images` have, and its points without tracks. A photograph's pose is the mean over its faces
-/// within 5 degrees of the one whose position is nearest to all others. Throws DataError for an image that is no face, a
-/// photograph that cannot be read, and a file that cannot be written.
-WholeModel write_whole_model(const ColmapModel& faces, const std::filesystem::path& images,
-                             const std::filesystem::path& folder);
+/// Writes a COLMAP model, as text, of the panoramas whose faces are in `faces`: EQUIRECTANGULAR cameras of the sizes
+/// that the files in `images` have, and the points, without tracks. A panorama's rotation is the mean over the faces
+/// within 5 degrees of the face with the least sum of distances to the others; its position is their median by
+/// coordinate. Throws DataError for an image that is no face, a panorama that cannot be read, and a file that cannot be
+/// written.
+PanoramaModel write_panorama_model(const ColmapModel& faces, const std::filesystem::path& images,
+                                   const std::filesystem::path& folder);
 
 }  // namespace gs

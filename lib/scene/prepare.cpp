@@ -58,7 +58,7 @@ class Preparation {
     Preparation(const PrepareOptions& options, const PrepareProgress& progress, const fs::path& work, ProgramLog& log)
         : options_(options), show_(progress), work_(work), log_(log) {
         report_.is_video = is_video(options.source);
-        report_.is_panorama = options.camera_model == "EQUIRECTANGULAR";
+        report_.is_panorama = options.is_panorama();
     }
 
     /// Makes the scene in the folder `dense()` and returns the report.
@@ -74,13 +74,13 @@ class Preparation {
         report_.photographs = photographs.names.size();
         report_.notes = photographs.notes;
         images_ = provide_upright(given, photographs).string();
-        const std::string whole = images_;
+        const std::string panoramas = images_;
         if (report_.is_panorama) provide_faces(photographs);
         extract_features(photographs);
         match(matching);
         const fs::path model = reconstruct();
         if (report_.is_panorama)
-            keep_whole(model, whole);
+            keep_panoramas(model, panoramas);
         else
             undistort(model);
         read_report(photographs);
@@ -148,12 +148,12 @@ class Preparation {
         return work_ / "photographs";
     }
 
-    /// Writes the faces that colmap sees in place of the photographs.
+    /// Writes the faces that colmap sees in place of the panoramas.
     void provide_faces(const Photographs& photographs) {
         begin("faces");
         const fs::path faces = work_ / "faces";
-        face_parameters_ = write_faces(images_, photographs.names, faces, [&](std::size_t done) {
-            show(StageCount{std::int64_t(done), std::int64_t(photographs.names.size())});
+        face_parameters_ = write_faces(images_, photographs.names, faces, [&](std::size_t done, std::size_t all) {
+            show(StageCount{std::int64_t(done), std::int64_t(all)});
         });
         images_ = faces.string();
     }
@@ -193,7 +193,7 @@ class Preparation {
                                               "--ImageReader.camera_model",
                                               report_.is_panorama ? "SIMPLE_PINHOLE" : options_.camera_model,
                                               "--ImageReader.single_camera",
-                                              sizes.size() == 1 ? "1" : "0"};
+                                              sizes.size() == 1 || report_.is_panorama ? "1" : "0"};
         if (!face_parameters_.empty())
             arguments.insert(arguments.end(), {"--ImageReader.camera_params", face_parameters_});
         for (std::string& word : gpu_choice("feature_extractor")) arguments.push_back(std::move(word));
@@ -223,7 +223,7 @@ class Preparation {
             colmap(std::move(arguments), [&](const std::string& line) {
                 if (const auto count = registered_in(line))
                     show(StageCount{count->done,
-                                    std::int64_t(report_.photographs) * (report_.is_panorama ? kFaces : 1)});
+                                    std::int64_t(report_.photographs) * (report_.is_panorama ? kPanoramaFaces : 1)});
                 finds_nothing |= line.find("failed to create sparse model") != std::string::npos;
             });
         } catch (const DataError&) {
@@ -253,15 +253,19 @@ class Preparation {
         arrange_scene(dense());
     }
 
-    /// Makes the scene from the photographs themselves, with the cameras that follow from those of their faces.
-    void keep_whole(const fs::path& model, const fs::path& whole) {
-        const WholeModel found = write_whole_model(read_colmap_model(model), whole, dense() / "sparse" / "0");
-        for (const std::string& name : found.photographs) copy_file_atomic(whole / name, dense() / "images" / name);
+    /// Makes the scene from the panoramas, with the cameras that follow from those of their faces.
+    void keep_panoramas(const fs::path& model, const fs::path& images) {
+        const PanoramaModel found = write_panorama_model(read_colmap_model(model), images, dense() / "sparse" / "0");
+        for (const std::string& name : found.panoramas) copy_file_atomic(images / name, dense() / "images" / name);
         if (found.disagreement)
             report_.notes.push_back(
-                fmt::format("the faces of a photograph of 360 degrees differ by {:.2g} degrees from "
-                            "its camera (median)",
+                fmt::format("the faces of a 360-degree photograph differ by {:.2g} degrees from its camera (median)",
                             *found.disagreement));
+        if (!found.contradictory.empty())
+            report_.notes.push_back(
+                fmt::format("faces that differ from the others by more than 5 degrees were left out; check the cameras "
+                            "of {}",
+                            fmt::join(found.contradictory, ", ")));
     }
 
     void read_report(const Photographs& photographs) {
@@ -283,7 +287,7 @@ class Preparation {
     ColmapProgram program_;
     PrepareReport report_;
     std::string images_, stage_name_;
-    std::string face_parameters_;  ///< of the faces of photographs of 360 degrees of one size
+    std::string face_parameters_;  ///< of the pinhole of panoramas' faces
     int stage_ = 0;
     bool turns_ = false, use_gpu_ = false;
 };

@@ -21,18 +21,22 @@ struct PrepareOptions {
     std::filesystem::path vocab_tree;  ///< vocabulary tree for vocab-tree; empty = an installed one
     std::optional<bool> gpu;           ///< compute features and matches on the GPU; empty = if colmap can
     bool overwrite = false;            ///< replace an earlier scene at `scene`
+
+    /// Returns whether the photographs are panoramas, of 360 by 180 degrees.
+    bool is_panorama() const { return camera_model == "EQUIRECTANGULAR"; }
 };
 
 /// The result of prepare_scene.
 struct PrepareReport {
-    bool is_video = false, is_panorama = false;  ///< the latter: of 360 degrees
+    bool is_video = false;
+    bool is_panorama = false;  ///< as in PrepareOptions
     std::size_t photographs = 0, registered = 0, points = 0;
     std::optional<double> error;        ///< mean reprojection error in pixels, if colmap reports it
     std::vector<std::string> left_out;  ///< the photographs that were not registered, sorted
-    /// Numbers of photographs, or of faces of photographs of 360 degrees, in colmap's other reconstructions, which are
-    /// not used, largest first.
+    /// Numbers of photographs, or of faces of panoramas, in colmap's other reconstructions, which are not used, largest
+    /// first.
     std::vector<std::size_t> other_models;
-    std::vector<std::string> notes;  ///< about photographs in unsupported formats, and faces of 360 degrees
+    std::vector<std::string> notes;  ///< about unsupported formats, and disagreement of panoramas' faces
     std::filesystem::path log;       ///< output of colmap and ffmpeg
 };
 

@@ -27,9 +27,9 @@ Camera choose_camera(const LensCamera& lens, LensMode mode, const std::string& w
 std::shared_ptr<const Image> lens_weights(const Camera& lens);
 
 /// Resamples an image of `lens` to `pinhole`, from the same place, bilinearly on pixel centres with premultiplied
-/// alpha. The cameras' poses are not used: `lens_from_pinhole` rotates the one's directions into the other's. The mask
-/// is resampled in the same way. Pixels whose ray misses the source, or is beyond the range of the lens, get mask 0.
-/// The result has a mask if the input has one or if such pixels exist.
+/// alpha. The cameras' poses are not used: `lens_from_pinhole` rotates directions from the pinhole's frame to the
+/// lens's. The mask is resampled in the same way. Pixels whose ray misses the source, or is beyond the range of the
+/// lens, get mask 0. The result has a mask if the input has one or if such pixels exist.
 ViewImage undistort(const ViewImage& in, const Camera& lens, const Camera& pinhole,
                     const Eigen::Matrix3d& lens_from_pinhole = Eigen::Matrix3d::Identity());
 

@@ -24,6 +24,8 @@ if [ "$2" = -h ]; then
   esac
   case $command in
     sequential_matcher)
+      echo "  --SequentialMatching.overlap arg (=10)"
+      echo "  --SequentialMatching.quadratic_overlap arg (=1)"
       echo "  --SequentialMatching.loop_detection arg (=0)"
       echo "  --SequentialMatching.loop_detection_period arg (=10)"
       echo "  --SequentialMatching.vocab_tree_path arg";;

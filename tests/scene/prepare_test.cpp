@@ -111,15 +111,17 @@ class Prepare : public ::testing::Test {
 
 TEST_F(Prepare, PhotographsOf360DegreesStayWhole) {
     for (const char* name : {"a.png", "sub/b.png", "c.png"}) write_image(photographs() / name, picture(64, 32));
-    register_photographs({"face1/a.png.jpg", "face2/a.png.jpg", "face0/sub/b.png.jpg"});
+    register_photographs({"a.png/face1.jpg", "a.png/face2.jpg", "sub/b.png/face0.jpg"});
     options_.camera_model = "EQUIRECTANGULAR";
     const PrepareReport report = prepare();
     EXPECT_EQ(report.registered, 2u);
     EXPECT_EQ(report.photographs, 3u);
     EXPECT_EQ(report.points, 4u);
     EXPECT_EQ(report.left_out, std::vector<std::string>{"c.png"});
-    ASSERT_EQ(report.notes.size(), 1u);
-    EXPECT_CONTAINS(report.notes[0], "the faces of a photograph of 360 degrees differ by ");
+    ASSERT_EQ(report.notes.size(), 2u);
+    EXPECT_CONTAINS(report.notes[0], "the faces of a 360-degree photograph differ by ");
+    EXPECT_EQ(report.notes[1],
+              "faces that differ from the others by more than 5 degrees were left out; check the cameras of a.png");
     EXPECT_EQ(text_of(options_.scene / "images/sub/b.png"), text_of(photographs() / "sub/b.png")) << "as it was";
     EXPECT_FALSE(fs::exists(options_.scene / "images/c.png")) << "without a camera";
     EXPECT_EQ(std::distance(fs::directory_iterator(options_.scene), fs::directory_iterator()), 3);
@@ -133,6 +135,22 @@ TEST_F(Prepare, PhotographsOf360DegreesStayWhole) {
               "1/4 faces \n1/4 faces 1/3\n1/4 faces 2/3\n1/4 faces 3/3\n2/4 features \n2/4 features 1/2\n2/4 features "
               "2/2\n3/4 matching \n3/4 "
               "matching 4/9\n4/4 registered \n4/4 registered 2/18\n");
+}
+
+TEST_F(Prepare, SequencesOf360DegreesCompareTheFacesOfTenNeighbours) {
+    for (const char* name : {"a.png", "sub/b.png"}) write_image(photographs() / name, picture(64, 32));
+    register_photographs({"a.png/face1.jpg"});
+    options_.camera_model = "EQUIRECTANGULAR";
+    options_.matching = "sequential";
+    prepare();
+    EXPECT_CONTAINS(calls(), "--SequentialMatching.overlap 60 --SequentialMatching.quadratic_overlap 0");
+    options_.matching = "auto";
+    ColmapProgram colmap;
+    fs::remove_all(photographs());
+    fs::create_directories(photographs());
+    write_image(photographs() / "a.png", picture(64, 32));
+    EXPECT_EQ(choose_matching(options_, number_photographs("p", 50), false, colmap).command, "exhaustive_matcher");
+    EXPECT_EQ(choose_matching(options_, number_photographs("q", 51), false, colmap).command, "sequential_matcher");
 }
 
 TEST_F(Prepare, MakesASceneFromFourStages) {

@@ -189,8 +189,8 @@ class Browser:
         return result["result"].get("value")
 
     def become_phone(self):
-        """A phone's screen. Its density comes first, with another height: a page is told of a size that changes, and of
-        a density that changes after it not always."""
+        """A phone's screen. Its density comes first, with another height: Chromium may send no event for an emulated
+        density that changes alone, or after the size."""
         for height in (639, 640):
             self.call("Emulation.setDeviceMetricsOverride", width=360, height=height, deviceScaleFactor=3, mobile=True)
             deadline = time.monotonic() + PATIENCE

@@ -3,8 +3,8 @@
 makes of it; and the PLY file of a run through a fisheye lens. Spark draws with triangles in WebGL, splat-transform in
 tiles with WebGPU.
 
-Usage: readers_test.py GSAPP READERS. READERS is tests/web/readers after npm ci. Exit status 77: no Chromium, or no
-readers there.
+Usage: readers_test.py GSAPP READERS. READERS is tests/web/readers after npm ci. Exit status 77: no Chromium with a
+Vulkan in software, or no readers there.
 """
 
 import json
@@ -35,7 +35,6 @@ Z_TO_Y = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
 VIEWS = (0, 6)
 # Centres are half-precision numbers there.
 HALF_EPSILON = 2**-11
-VULKAN = "vk_swiftshader_icd.json"
 
 
 def centres(ply):
@@ -74,6 +73,14 @@ def train(gsapp, run, *options):
     )
 
 
+def find_vulkan(program):
+    """The file that describes the Vulkan of Chromium, which draws in software, or None."""
+    for folder in (pathlib.Path(program).resolve().parent, pathlib.Path("/usr/lib/chromium")):
+        if (folder / "vk_swiftshader_icd.json").exists():
+            return folder / "vk_swiftshader_icd.json"
+    return None
+
+
 def splat_transform(readers, *arguments, **environment):
     run = subprocess.run(
         [readers / "node_modules/.bin/splat-transform", "--quiet", *map(str, arguments)],
@@ -84,7 +91,7 @@ def splat_transform(readers, *arguments, **environment):
     check(run.returncode == 0, f"splat-transform {arguments}: {run.stdout}{run.stderr}")
 
 
-def draw_by_splat_transform(readers, program, ply, cameras, pictures):
+def draw_by_splat_transform(readers, vulkan, ply, cameras, pictures):
     """Writes what it draws from cameras of one pinhole, as in cameras.json, to PICTURES.NNNN.webp. Its world is a PLY
     file's turned by half about z."""
 
@@ -104,16 +111,13 @@ def draw_by_splat_transform(readers, program, ply, cameras, pictures):
 
     track = pictures.with_suffix(".json")
     track.write_text(json.dumps({"frameRate": 1, "frames": [frame(camera) for camera in cameras]}))
-    # Chromium brings the Vulkan that draws in software.
-    home = pathlib.Path(program).resolve().parent
-    home = home if (home / VULKAN).exists() else pathlib.Path("/usr/lib/chromium")
     splat_transform(
         readers,
         ply,
         pictures.with_suffix(".webp"),
         *("--resolution", f"{cameras[0]['width']}x{cameras[0]['height']}", "--camera-track", track),
-        LD_LIBRARY_PATH=str(home),
-        VK_ICD_FILENAMES=str(home / VULKAN),
+        LD_LIBRARY_PATH=str(vulkan.parent),
+        VK_ICD_FILENAMES=str(vulkan),
     )
 
 
@@ -124,6 +128,10 @@ def main():
         print(
             "skipped: no chromium on PATH, or no readers are installed (npm ci --ignore-scripts --prefix tests/web/readers)"
         )
+        return 77
+    vulkan = find_vulkan(program)
+    if vulkan is None:
+        print("skipped: no vk_swiftshader_icd.json beside chromium, for splat-transform")
         return 77
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
@@ -159,7 +167,7 @@ def main():
             cameras = json.loads((run / "cameras.json").read_text())
             for name, of in (("model", cameras), ("wide", wide_cameras)):
                 draw_by_splat_transform(
-                    readers, program, folder / f"{name}.ply", [of[view] for view in VIEWS], folder / name
+                    readers, vulkan, folder / f"{name}.ply", [of[view] for view in VIEWS], folder / name
                 )
 
             def psnr_of(what, pixels, view, reference="reference"):

@@ -396,8 +396,8 @@ def main():
             print("skipped: the viewer is not built (scripts/build-viewer)")
             return 77
         site = Site(folder)
-        # A pixel of the device is one of CSS throughout, as in fit_canvas: an emulated window that keeps its size while
-        # its density changes tells no page so.
+        # A pixel of the device is one of CSS throughout, as in fit_canvas: Chromium may send no event for an emulated
+        # density that changes after the size.
         flags = [flag for flag in SOFTWARE_WEBGL if flag != FEWER_PIXELS]
         with Browser(program, width=400, height=300, flags=flags) as browser:
             wanted = check_sides(browser, site)

@@ -284,6 +284,18 @@ def check_benchmark(browser):
     check(result["frame"]["max"] >= result["frame"]["median"] >= result["frame"]["min"], "in order")
 
 
+# Keeps the page's media queries of densities.
+KEEP_DENSITY_QUERIES = """{
+  const match = matchMedia;
+  window.queries = [];
+  window.matchMedia = (text) => {
+    const query = match(text);
+    if (text.includes('dppx')) queries.push(query);
+    return query;
+  };
+}"""
+
+
 def check_appearance(browser):
     colours = []
     for scheme in ("light", "dark"):
@@ -298,6 +310,21 @@ def check_appearance(browser):
         "the picture has at most two device pixels per CSS pixel",
     )
     browser.call("Emulation.clearDeviceMetricsOverride")
+
+
+def check_density(browser, url):
+    """A window moves to a screen of another density, and to a third, and keeps its size: only a media query says so."""
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=KEEP_DENSITY_QUERIES)["identifier"]
+    open_viewer(browser, url)
+    browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
+    width = "document.getElementById('canvas').width"
+    for density in (1.5, 0.25):
+        browser.evaluate(
+            f"Object.defineProperty(window, 'devicePixelRatio', {{ value: {density}, configurable: true }})"
+        )
+        browser.evaluate("queries.at(-1).dispatchEvent(new Event('change'))")
+        wanted = browser.evaluate(f"Math.round({density} * document.getElementById('canvas').clientWidth)")
+        check(browser.evaluate(width) == wanted, f"at density {density} the canvas is {wanted} pixels wide")
 
 
 def check_device_limits(browser, url):
@@ -379,6 +406,7 @@ def main():
             check(browser.errors == [], f"the console is silent: {browser.errors}")
             check_loading(browser, site)
             check_link(browser, site)
+            check_density(browser, site.url)
             check_device_limits(browser, site.url)
         check_without_webgl(program, site.url)
     print("passed")

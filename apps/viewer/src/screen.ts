@@ -43,7 +43,7 @@ export class Screen {
     this.watchDensity();
   }
 
-  /** A window on another screen may keep its size in CSS pixels, of which no observer of sizes tells. */
+  /** A window that moves to a screen of another density may keep its size in CSS pixels: no observer of sizes fires. */
   private watchDensity(): void {
     matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener(
       'change',
