@@ -16,6 +16,7 @@
 #include "kernels/base/parallel.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
+#include "lib/core/median.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/image.h"
 #include "lib/scene/view_builder.h"
@@ -96,13 +97,6 @@ const Pose& medoid(const std::vector<Pose>& poses) {
         if (sum < least) best = i, least = sum;
     }
     return poses[best];
-}
-
-/// Returns the median: of an even number of values the mean of the two in the middle.
-double median(std::vector<double> values) {
-    std::sort(values.begin(), values.end());
-    const std::size_t n = values.size();
-    return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
 }
 
 /// Returns the pose of a panorama, and sets `contradictory` if a face was left out.
