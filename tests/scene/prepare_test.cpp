@@ -139,7 +139,7 @@ TEST_F(Prepare, PhotographsOf360DegreesStayWhole) {
 
 TEST_F(Prepare, SequencesOf360DegreesCompareTheFacesOfTenNeighbours) {
     for (const char* name : {"a.png", "sub/b.png"}) write_image(photographs() / name, picture(64, 32));
-    register_photographs({"a.png/face1.jpg"});
+    register_photographs({"a.png/face1.jpg", "a.png/face2.jpg"});
     options_.camera_model = "EQUIRECTANGULAR";
     options_.matching = "sequential";
     prepare();
