@@ -320,7 +320,7 @@ def check_density(browser, url):
     width = "document.getElementById('canvas').width"
     for density in (1.5, 0.25):
         browser.evaluate(
-            f"Object.defineProperty(window, 'devicePixelRatio', {{ value: {density}, configurable: true }})"
+            f"Object.defineProperty(window, 'devicePixelRatio', {{ value: {density}, configurable: true }}); 0"
         )
         browser.evaluate("queries.at(-1).dispatchEvent(new Event('change'))")
         wanted = browser.evaluate(f"Math.round({density} * document.getElementById('canvas').clientWidth)")
