@@ -35,14 +35,6 @@ Eigen::Matrix3d face_from_panorama(int face) {
     return Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
 }
 
-Camera panorama_camera(int width, int height) {
-    const double size[2] = {double(width), double(height)};
-    Camera camera;
-    static_cast<LensCamera&>(camera) = make_lens_camera(CameraModel::kEquirectangular, width, height, size);
-    camera.range.max_angle = std::numbers::pi;
-    return camera;
-}
-
 Camera face_camera(int panorama_width) {
     const int size = int(std::lround(panorama_width / std::numbers::pi));
     Camera camera;
@@ -75,7 +67,10 @@ void write_faces_of(const fs::path& images, const std::string& name, const Camer
         log_warning("{}", e.what());
         return;
     }
-    const Camera camera = panorama_camera(panorama.color.width, panorama.color.height);
+    const double size[2] = {double(panorama.color.width), double(panorama.color.height)};
+    const Camera camera = choose_camera(
+        make_lens_camera(CameraModel::kEquirectangular, panorama.color.width, panorama.color.height, size),
+        LensMode::kNative, name);
     for (int face = 0; face < kPanoramaFaces; ++face) {
         const Eigen::Matrix3d panorama_from_face = face_from_panorama(face).transpose();
         write_image(folder / face_name(name, face), undistort(panorama, camera, pinhole, panorama_from_face).color);

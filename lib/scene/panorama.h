@@ -13,8 +13,8 @@
 
 namespace gs {
 
-/// Faces of one panorama: each of 90 degrees, around the horizon, so that neighbours share a third of what they see.
-/// What is above or below 45 degrees is in none: mostly sky, and the person holding the camera, who moves with it.
+/// Number of faces of one panorama. They look around the horizon, each 90 degrees wide, so that neighbours share a
+/// third of what they show. No face shows the middle of the sky, or the person below the camera, who moves with it.
 inline constexpr int kPanoramaFaces = 6;
 
 /// Returns the name of a face, 0 to kPanoramaFaces-1, of a panorama "sub/b.png": "sub/b.png/face2.jpg". Sorted by name,
@@ -34,17 +34,17 @@ std::string write_faces(const std::filesystem::path& images, const std::vector<s
 /// The result of write_panorama_model.
 struct PanoramaModel {
     std::vector<std::string> panoramas;  ///< those with a camera, sorted
-    /// Median angle between the rotation of a face and what its panorama's says, degrees; empty if no panorama has two
-    /// faces.
+    /// Median angle between the rotation of a panorama and that which one of its faces implies, degrees; empty if no
+    /// panorama has two faces.
     std::optional<double> disagreement;
     std::vector<std::string> contradictory;  ///< panoramas with faces whose rotations differ by more than 5 degrees
 };
 
 /// Writes a COLMAP model, as text, of the panoramas whose faces are in `faces`: EQUIRECTANGULAR cameras of the sizes
-/// that the files in `images` have, and the points, without tracks. A panorama's rotation is the mean over the faces
-/// within 5 degrees of the face with the least sum of distances to the others; its position is their median by
-/// coordinate. Throws DataError for an image that is no face, a panorama that cannot be read, and a file that cannot be
-/// written.
+/// that the files in `images` have, and the points, without tracks. Faces whose rotation differs by more than 5 degrees
+/// from that of the most central face are left out; the pose of the panorama is the mean rotation and the median
+/// position, by coordinate, of the others. Throws DataError for an image that is no face, a panorama that cannot be
+/// read, and a file that cannot be written.
 PanoramaModel write_panorama_model(const ColmapModel& faces, const std::filesystem::path& images,
                                    const std::filesystem::path& folder);
 

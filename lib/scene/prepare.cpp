@@ -185,17 +185,19 @@ class Preparation {
 
     void extract_features(const Photographs& photographs) {
         const auto& sizes = turns_ ? photographs.upright_sizes : photographs.stored_sizes;
+        std::string model = options_.camera_model;
+        bool one_camera = sizes.size() == 1;
+        if (report_.is_panorama) model = "SIMPLE_PINHOLE", one_camera = true;
         std::vector<std::string> arguments = {"feature_extractor",
                                               "--database_path",
                                               database(),
                                               "--image_path",
                                               images_,
                                               "--ImageReader.camera_model",
-                                              report_.is_panorama ? "SIMPLE_PINHOLE" : options_.camera_model,
+                                              model,
                                               "--ImageReader.single_camera",
-                                              sizes.size() == 1 || report_.is_panorama ? "1" : "0"};
-        if (!face_parameters_.empty())
-            arguments.insert(arguments.end(), {"--ImageReader.camera_params", face_parameters_});
+                                              one_camera ? "1" : "0"};
+        if (report_.is_panorama) arguments.insert(arguments.end(), {"--ImageReader.camera_params", face_parameters_});
         for (std::string& word : gpu_choice("feature_extractor")) arguments.push_back(std::move(word));
         begin("features");
         colmap(std::move(arguments));
@@ -218,7 +220,7 @@ class Preparation {
         std::vector<std::string> arguments = {"mapper", "--database_path", database(),     "--image_path",
                                               images_,  "--output_path",   models.string()};
         // The faces' focal length is known.
-        if (!face_parameters_.empty()) arguments.insert(arguments.end(), {"--Mapper.ba_refine_focal_length", "0"});
+        if (report_.is_panorama) arguments.insert(arguments.end(), {"--Mapper.ba_refine_focal_length", "0"});
         try {
             colmap(std::move(arguments), [&](const std::string& line) {
                 if (const auto count = registered_in(line))

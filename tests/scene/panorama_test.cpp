@@ -146,7 +146,7 @@ TEST_F(FacesOfPanoramas, AFaceStatesThePoseOfItsPhotograph) {
     EXPECT_TRUE(result_.contradictory.empty());
 }
 
-TEST_F(FacesOfPanoramas, APoseIsTheMeanOfTheFacesThatAgree) {
+TEST_F(FacesOfPanoramas, APoseIsCombinedFromTheFacesThatAgree) {
     write_image(folder_.path() / "a.png", directions(64));
     add("a.png", 0, rotation_, {1, 2, 3}, 0.4);
     add("a.png", 4, rotation_, {9, 9, 9}, 50);  // errors of colmap's

@@ -109,7 +109,7 @@ class Prepare : public ::testing::Test {
     std::string path_before_, home_before_, shown_;
 };
 
-TEST_F(Prepare, PhotographsOf360DegreesStayWhole) {
+TEST_F(Prepare, PhotographsOf360DegreesAreKept) {
     for (const char* name : {"a.png", "sub/b.png", "c.png"}) write_image(photographs() / name, picture(64, 32));
     register_photographs({"a.png/face1.jpg", "a.png/face2.jpg", "sub/b.png/face0.jpg"});
     options_.camera_model = "EQUIRECTANGULAR";
