@@ -21,7 +21,7 @@ enum class RngStream : std::uint32_t {
     kInitWeights,
     kHostile,
     kController,
-    kDepthOrder
+    kAsPinholes
 };
 
 /// One block of 128 random bits.

@@ -23,7 +23,6 @@ namespace {
 struct StagedSplat {
     float mx, my, qa, qb;
     float qc, opacity, red, green, blue;
-    LensShape<float> lens_shape;  ///< through a lens
 
     FragmentShape<float> __device__ shape() const { return {mx, my, qa, qb, qc, opacity}; }
 };
@@ -43,16 +42,11 @@ __device__ inline float2 load_shared2(unsigned at) {
     asm volatile("ld.shared.v2.f32 {%0,%1}, [%2];" : "=f"(x.x), "=f"(x.y) : "r"(at) : "memory");
     return x;
 }
-/// Loads a splat. All lanes of a warp, or of a part of it, pass the same address.
-template <bool kLens> __device__ inline StagedSplat load_splat(unsigned at) {
+/// Loads a splat, whose lens word is not needed. All lanes of a warp, or of a part of it, pass the same address.
+__device__ inline StagedSplat load_splat(unsigned at) {
     const float4 a = load_shared4(at), b = load_shared4(at + 16);
-    if constexpr (kLens) {
-        const float4 c = load_shared4(at + 32);
-        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, PackedSplat{a, b, c}.lens_shape()};
-    } else {
-        const float2 c = load_shared2(at + 32);
-        return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y, {}};
-    }
+    const float2 c = load_shared2(at + 32);
+    return {a.x, a.y, a.z, a.w, b.x, b.y, b.w, c.x, c.y};
 }
 
 /// Begins to copy a splat, or its shape through a lens, to shared memory; wait_for_splat() completes the copy.
@@ -104,6 +98,45 @@ struct LensMemory {
     PackedLensShape shapes[2][kChunk];
 };
 struct NoLensMemory {};
+
+/// The rays of a lane's pixel through a lens. Most splats of a warp are on one face: the ray in its axes is in
+/// registers. The lists mark the addresses of the other splats, and of wide ones.
+struct LaneRays {
+    static constexpr unsigned kOther = 1;
+
+    const TileRays& all;
+    const int usual_axis;
+    const FaceRay<float> usual;
+
+    __device__ LaneRays(TileRays& rays, const BlendImage& image, int2 pixel)
+        : all(rays), usual_axis(rays.find(image, pixel)), usual(rays.of(usual_axis)) {}
+    __device__ unsigned mark(const PackedSplat& s) const { return s.lens_word().differs_from(usual_axis) ? kOther : 0; }
+    /// Loads some splats, and finds their alphas.
+    template <int kNum>
+    __device__ void load(const unsigned (&places)[kNum], StagedSplat (&s)[kNum], float (&alpha)[kNum]) const {
+        unsigned marks = 0;
+#pragma unroll
+        for (int u = 0; u < kNum; ++u) marks |= places[u];
+        if (marks & kOther) {
+#pragma unroll
+            for (int u = 0; u < kNum; ++u) {
+                const unsigned at = places[u] & ~kOther;
+                const PackedSplat splat{load_shared4(at), load_shared4(at + 16), load_shared4(at + 32)};
+                const LensShape<float> shape = splat.lens_shape();
+                s[u] = {shape.mx, shape.my, shape.qa, shape.qb, shape.qc, splat.b.y, splat.b.w, splat.c.x, splat.c.y};
+                alpha[u] = lens_fragment_alpha<float>(shape, s[u].opacity, all.of(shape.axis)).alpha;
+            }
+        } else {
+#pragma unroll
+            for (int u = 0; u < kNum; ++u) {
+                s[u] = load_splat(places[u]);
+                alpha[u] = lens_fragment_alpha<float>(LensShape<float>{s[u].mx, s[u].my, s[u].qa, s[u].qb, s[u].qc},
+                                                      s[u].opacity, usual)
+                               .alpha;
+            }
+        }
+    }
+};
 
 /// Adds up the colours of the lanes that share a pixel.
 template <int kAbreast> __device__ PixelForward<float> whole_pixel(PixelForward<float> p) {
@@ -163,9 +196,9 @@ __device__ void list_chunks(BlockMemory& shared, int tile, int2 corner, std::uin
                                                 std::uint32_t(corner.x | corner.y << 16)};
 }
 
-/// Lists the addresses of the splats that reach a warp's sub-tile, followed by kMostAtOnce addresses of a splat that
-/// changes nothing. Returns the number of splats listed before the padding.
-__device__ int list_splats(BlockMemory& shared, int buffer, int warp, int lane) {
+/// Lists the addresses of the splats that reach a warp's sub-tile, with their marks, followed by kMostAtOnce addresses
+/// of a splat that changes nothing. Returns the number of splats listed before the padding.
+template <class Mark> __device__ int list_splats(BlockMemory& shared, int buffer, int warp, int lane, Mark&& mark) {
     unsigned* list = shared.lists[warp];
     const unsigned first = shared_address(&shared.splats[buffer][lane]);
     int listed = 0;
@@ -173,7 +206,8 @@ __device__ int list_splats(BlockMemory& shared, int buffer, int warp, int lane) 
     for (int group = 0; group < kGroups; ++group) {
         const unsigned word = shared.reached[buffer][group][warp];
         if (word >> lane & 1)
-            list[listed + __popc(word & ((1u << lane) - 1))] = first + group * 32 * unsigned(sizeof(PackedSplat));
+            list[listed + __popc(word & ((1u << lane) - 1))] =
+                first + group * 32 * unsigned(sizeof(PackedSplat)) + mark(shared.splats[buffer][group * 32 + lane]);
         listed += __popc(word);
     }
     if (lane < kMostAtOnce) list[listed + lane] = shared_address(&shared.nothing);
@@ -226,7 +260,12 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
     __syncthreads();
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
     const float px = mine.pixel.x + 0.5f, py = mine.pixel.y + 0.5f;
-    if constexpr (kLens) lens.rays.find(image, mine.pixel);
+    const auto rays = [&] {
+        if constexpr (kLens)
+            return LaneRays(lens.rays, image, mine.pixel);
+        else
+            return lens;
+    }();
     const auto fetch = [&](int buffer, std::uint32_t g) {
         begin_splat(shared.splats[buffer][threadIdx.x], splats[g]);
         if constexpr (kLens) begin_splat(lens.shapes[buffer][threadIdx.x], image.lens_shapes[g]);
@@ -271,7 +310,12 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
         if (!__any_sync(~0u, open)) continue;
         if (kForBackward && base > begin) save_state(base - begin, whole_pixel<kAbreast>(p));
         processed = min(base + kChunk, end) - begin;
-        const int listed = list_splats(shared, buffer, warp, lane);
+        const int listed = list_splats(shared, buffer, warp, lane, [&](const PackedSplat& s) {
+            if constexpr (kLens)
+                return rays.mark(s);
+            else
+                return 0u;
+        });
         const unsigned list = shared_address(shared.lists[warp]);
         unsigned blended_of_lane = 0;
         for (int first = 0; first < listed; first += 32) {
@@ -292,15 +336,12 @@ __device__ void blend_tile(BlockMemory& shared, Lens& lens, const CudaBins& bins
                 }
                 StagedSplat s[kAtOnce];
                 float alpha[kAtOnce];
+                if constexpr (kLens) {
+                    rays.load(places, s, alpha);
+                } else {
 #pragma unroll
-                for (int u = 0; u < kAtOnce; ++u) {
-                    s[u] = load_splat<kLens>(places[u]);
-                    if constexpr (kLens)
-                        alpha[u] = lens_fragment_alpha<float>(s[u].lens_shape, s[u].opacity,
-                                                              lens.rays.of(s[u].lens_shape.axis))
-                                       .alpha;
-                    else
-                        alpha[u] = fragment_alpha(s[u].shape(), px, py).alpha;
+                    for (int u = 0; u < kAtOnce; ++u)
+                        s[u] = load_splat(places[u]), alpha[u] = fragment_alpha(s[u].shape(), px, py).alpha;
                 }
                 unsigned bits = 0;
 #pragma unroll

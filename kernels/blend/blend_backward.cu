@@ -39,9 +39,10 @@ struct LensMemory {
     float4 w[kFaceAxes][kSubX];              ///< a column
     static_assert(kSubY == 4);
 
-    __device__ void find(const BlendImage& image, int2 corner, int lane) {
+    /// Returns the axis of the face that the ray of the first pixel passes: that of most splats of the sub-tile.
+    __device__ int find(const BlendImage& image, int2 corner, int lane) {
         const int x = lane % kSubX, y = lane / kSubX;
-        image.face_rays(pixel_of(corner, lane), [&](int axis, const FaceRay<float>& ray) {
+        return image.face_rays(pixel_of(corner, lane), [&](int axis, const FaceRay<float>& ray) {
             reinterpret_cast<float2*>(&xy[axis][y / 2][x])[y % 2] = make_float2(ray.x, ray.y);
             (&w[axis][x].x)[y] = ray.w;
         });
@@ -50,7 +51,7 @@ struct LensMemory {
 struct NoLensMemory {};
 template <class Lens> inline constexpr bool kIsLens = std::is_same_v<Lens, LensMemory>;
 
-/// The rays of a lane's column of pixels in the axes of a splat's face.
+/// The rays of a lane's column of pixels in the axes of a face.
 struct ColumnRays {
     FaceRay<float> of[kSubY];
 
@@ -60,6 +61,23 @@ struct ColumnRays {
         of[2] = {low.x, low.y, w.z}, of[3] = {low.z, low.w, w.w};
     }
 };
+
+/// The rays of a lane's column for each of a batch's splats: of any splats, of splats that all have the usual axis and
+/// are not wide, and none without a lens.
+struct RaysOfAny {
+    const LensMemory& lens;
+    int column;
+
+    __device__ ColumnRays operator()(LensWord splat) const { return {lens, splat.axis(), column}; }
+    __device__ LensShape<float> known(const LensShape<float>& s) const { return s; }
+};
+struct RaysOfUsual {
+    ColumnRays rays;
+
+    __device__ const ColumnRays& operator()(LensWord) const { return rays; }
+    __device__ LensShape<float> known(const LensShape<float>& s) const { return narrow(s); }
+};
+struct NoRays {};
 
 /// The work of a lane: fragments of a column of pixels and of a group of splats. Lanes that differ only in the lowest
 /// bit have the same group, and lanes that differ only in the next bit have the same column, so that shared memory
@@ -108,6 +126,8 @@ template <bool kLens> struct HalfSplat {
         to[half] = shape, (&to[2].x)[half] = color;
         if (kLens && half) to[2].z = rest.x, to[2].w = rest.y;
     }
+    /// As LensWord::differs_from(), in the second half.
+    __device__ unsigned differs_from(int axis) const { return LensWord{__float_as_uint(rest.y)}.differs_from(axis); }
 };
 
 /// Values of the lanes in a column, combined over the lanes before this one, and over all four.
@@ -163,8 +183,8 @@ __device__ float sum_over_columns(const float (&x)[kOwn], int lane) {
 
 /// Adds the gradients of a batch to its splats. `h` and `w` belong to a lane's fragments, by pixel and splat.
 /// `first_pixel` is that of the lane. `target` belongs to the splat that this lane shares with its neighbour.
-template <bool kFixedOrder, class Lens>
-__device__ void add_gradients(WarpMemory& memory, const Lens& lens, const float (&h)[kSubY][kOwn],
+template <bool kFixedOrder, class RaysOf>
+__device__ void add_gradients(WarpMemory& memory, const RaysOf& rays_of, const float (&h)[kSubY][kOwn],
                               const float (&w)[kSubY][kOwn], int2 first_pixel, std::uint32_t target, int sub_tile,
                               int lane, PackedSums* __restrict__ sums) {
     const float px = first_pixel.x + 0.5f, centre_y = first_pixel.y + 0.5f * kSubY;
@@ -185,17 +205,16 @@ __device__ void add_gradients(WarpMemory& memory, const Lens& lens, const float 
         }
         const int half_splat = 8 * i + 2 * group;
         const float2 mean = *reinterpret_cast<const float2*>(&memory.batch[group][3 * i]);
-        if constexpr (kIsLens<Lens>) {
-            const int axis = __float_as_uint(memory.batch[group][3 * i + 2].w) & 3;
-            const ColumnRays rays(lens, axis, column);
+        if constexpr (!std::is_same_v<RaysOf, NoRays>) {
+            const ColumnRays& rays = rays_of(PackedSplat{{}, {}, memory.batch[group][3 * i + 2]}.lens_word());
             SplatSums<float> s{};
 #pragma unroll
             for (int y = 0; y < kSubY; ++y) {
                 const FaceRay<float>& ray = rays.of[y];
-                const float dx = gs_fma(mean.x, ray.w, -ray.x), dy = gs_fma(mean.y, ray.w, -ray.y);
-                const float hx = h[y][i] * dx, hy = h[y][i] * dy;
+                const Vec2<float> d = lens_offset(mean.x, mean.y, ray);
+                const float hx = h[y][i] * d.x, hy = h[y][i] * d.y;
                 s.hx = gs_fma(hx, ray.w, s.hx), s.hy = gs_fma(hy, ray.w, s.hy);
-                s.hxx = gs_fma(hx, dx, s.hxx), s.hxy = gs_fma(hx, dy, s.hxy), s.hyy = gs_fma(hy, dy, s.hyy);
+                s.hxx = gs_fma(hx, d.x, s.hxx), s.hxy = gs_fma(hx, d.y, s.hxy), s.hyy = gs_fma(hy, d.y, s.hyy);
             }
             memory.sums[half_splat][column] = make_float4(m0, s.hx, s.hy, s.hxx);
             memory.sums[half_splat + 1][column] = make_float4(s.hxy, s.hyy, red, green);
@@ -306,7 +325,8 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
     HalfSplat<kLens> splat = fetch(target);
     const auto [column, group] = LaneOf(lane);
     const int2 first_pixel{corner.x + column, corner.y};
-    if constexpr (kLens) lens.find(image, corner, lane);
+    int usual_axis = 0;
+    if constexpr (kLens) usual_axis = lens.find(image, corner, lane);
     float t[kSubY], behind[kSubY];
     // Lanes have loaded neighbouring pixels, and read the pixels of their columns from shared memory.
     float2* const states = reinterpret_cast<float2*>(memory.sums);
@@ -322,38 +342,52 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
 #pragma unroll
     for (int y = 0; y < kSubY; ++y) finish(y);
     for (int first = 0; first < listed; first += kBatch) {
+        const bool differs =
+            kLens && __any_sync(~0u, half.second && target != kNobody && splat.differs_from(usual_axis));
+        const auto with_rays = [&](auto&& f) {
+            if constexpr (!kLens)
+                f(NoRays{});
+            else if (differs)
+                f(RaysOfAny{lens, column});
+            else
+                f(RaysOfUsual{{lens, usual_axis, column}});
+        };
         splat.store(&memory.batch[half.group][3 * half.own], half.second);
         __syncwarp();
         const std::uint32_t next = target_from(first + kBatch);
         splat = fetch(next);  // loads while this batch is processed
 
         float alpha[kSubY][kOwn], slope[kSubY][kOwn];  // later h and w
+        with_rays([&](const auto& rays_of) {
 #pragma unroll
-        for (int i = 0; i < kOwn; ++i) {
-            const float4* const s = &memory.batch[group][3 * i];
-            const float4 a = s[0], b = s[1];
-            const float2 c = *reinterpret_cast<const float2*>(&s[2]);
-            float of_pixels[kSubY];
-            if constexpr (kLens) {
-                const LensShape<float> shape = PackedSplat{a, b, s[2]}.lens_shape();
-                const ColumnRays rays(lens, shape.axis, column);
+            for (int i = 0; i < kOwn; ++i) {
+                const float4* const s = &memory.batch[group][3 * i];
+                const float4 a = s[0], b = s[1];
+                const float2 c = *reinterpret_cast<const float2*>(&s[2]);
+                float of_pixels[kSubY];
+                if constexpr (kLens) {
+                    const PackedSplat packed{a, b, s[2]};
+                    const LensShape<float> shape = rays_of.known(packed.lens_shape());
+                    const ColumnRays& rays = rays_of(packed.lens_word());
 #pragma unroll
-                for (int y = 0; y < kSubY; ++y) of_pixels[y] = lens_fragment_alpha<float>(shape, b.y, rays.of[y]).alpha;
-            } else {
+                    for (int y = 0; y < kSubY; ++y)
+                        of_pixels[y] = lens_fragment_alpha<float>(shape, b.y, rays.of[y]).alpha;
+                } else {
 #pragma unroll
-                for (int y = 0; y < kSubY; ++y)
-                    of_pixels[y] = fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y},
-                                                  first_pixel.x + 0.5f, first_pixel.y + y + 0.5f)
-                                       .alpha;
+                    for (int y = 0; y < kSubY; ++y)
+                        of_pixels[y] = fragment_alpha(FragmentShape<float>{a.x, a.y, a.z, a.w, b.x, b.y},
+                                                      first_pixel.x + 0.5f, first_pixel.y + y + 0.5f)
+                                           .alpha;
+                }
+#pragma unroll
+                for (int y = 0; y < kSubY; ++y) {
+                    const float4 g = memory.pixels[y][column];
+                    const float of_pixel = of_pixels[y];
+                    alpha[y][i] = of_pixel >= image.cutoffs.alpha ? of_pixel : 0;
+                    slope[y][i] = color_gradient(PixelBackward<float>{.gr = g.x, .gg = g.y, .gb = g.z}, b.w, c.x, c.y);
+                }
             }
-#pragma unroll
-            for (int y = 0; y < kSubY; ++y) {
-                const float4 g = memory.pixels[y][column];
-                const float of_pixel = of_pixels[y];
-                alpha[y][i] = of_pixel >= image.cutoffs.alpha ? of_pixel : 0;
-                slope[y][i] = color_gradient(PixelBackward<float>{.gr = g.x, .gg = g.y, .gb = g.z}, b.w, c.x, c.y);
-            }
-        }
+        });
         float before[kSubY];  // transmittance before this lane's splats
         bool ends = false;
 #pragma unroll
@@ -380,7 +414,9 @@ __device__ void walk_chunk(WarpMemory& memory, Lens& lens, const BlendChunk& chu
         } else {
             pass(std::false_type{});
         }
-        add_gradients<kFixedOrder>(memory, lens, alpha, slope, first_pixel, target, sub_tile, lane, sums);
+        with_rays([&](const auto& rays_of) {
+            add_gradients<kFixedOrder>(memory, rays_of, alpha, slope, first_pixel, target, sub_tile, lane, sums);
+        });
         target = next;
     }
     __syncwarp();  // before the next chunk overwrites data that slower lanes may still read

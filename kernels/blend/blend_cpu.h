@@ -83,8 +83,9 @@ template <class Real> class TileFragments {
         shape_ = FragmentShape<L>::from(splat_);
         if (in_.rays) {
             const LensShape<Real>& s = in_.lens_shapes[in_.instances[k].gaussian];
-            lens_shape_ = {
-                L(s.mx), L(s.my), L(s.qa), L(s.qb), L(s.qc), {L(s.forward.x), L(s.forward.y), L(s.forward.z)}, s.axis};
+            lens_shape_ = {L(s.mx), L(s.my), L(s.qa),
+                           L(s.qb), L(s.qc), {L(s.forward.x), L(s.forward.y), L(s.forward.z)},
+                           s.axis,  s.wide};
             if (!(axes_ >> s.axis & 1)) find_rays(s.axis);
         }
         return splat_;

@@ -73,13 +73,15 @@ struct BlendImage {
     float face_focal;                    ///< as in CameraParams
     bool as_pinholes;                    ///< as in Lens
 
-    /// Calls f with each axis and the ray of a pixel in the axes of its faces; 0 outside the image.
-    template <class F> __device__ void face_rays(int2 pixel, F&& f) const {
+    /// Calls f with each axis and the ray of a pixel in the axes of its faces; 0 outside the image. Returns the axis of
+    /// the face that the ray of the warp's first pixel passes.
+    template <class F> __device__ int face_rays(int2 pixel, F&& f) const {
         float4 r{};
         if (pixel.x < width && pixel.y < height) r = rays[std::size_t(pixel.y) * width + pixel.x];
 #pragma unroll
         for (int axis = 0; axis < kFaceAxes; ++axis)
             f(axis, face_ray(Vec3<float>{r.x, r.y, r.z}, axis, face_focal, as_pinholes));
+        return __shfl_sync(~0u, axis_of(face_of(Vec3<float>{r.x, r.y, r.z})), 0);
     }
     /// Returns the place of a splat that is nearest to a tile, or part of one, if the image repeats.
     __device__ float near_x(float mean_x, int corner_x) const {
@@ -92,8 +94,9 @@ struct TileRays {
     float2 xy[kFaceAxes][kCudaTilePixels];
     float w[kFaceAxes][kCudaTilePixels];
 
-    __device__ void find(const BlendImage& image, int2 pixel) {
-        image.face_rays(pixel, [&](int axis, const FaceRay<float>& ray) {
+    /// Returns the axis of the face that the ray of the warp's first pixel passes: that of most splats of the warp.
+    __device__ int find(const BlendImage& image, int2 pixel) {
+        return image.face_rays(pixel, [&](int axis, const FaceRay<float>& ray) {
             xy[axis][threadIdx.x] = make_float2(ray.x, ray.y), w[axis][threadIdx.x] = ray.w;
         });
     }

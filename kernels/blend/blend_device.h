@@ -33,14 +33,22 @@ template <class P> struct LensFragment : FragmentAlpha<P> {
     P w;  ///< FaceRay::w
 };
 
+/// Returns the offset of a pixel's ray from the mean of a splat, pixels of the face.
+template <class P> GS_HD Vec2<P> lens_offset(P mx, P my, const FaceRay<P>& ray) {
+    return {gs_fma(mx, ray.w, -ray.x), gs_fma(my, ray.w, -ray.y)};
+}
+
 /// Returns alpha of a splat at the ray of a pixel. A splat does not reach the other half of the sphere.
 template <class T, class P>
 GS_HD LensFragment<P> lens_fragment_alpha(const LensShape<P>& s, P opacity, FaceRay<P> ray) {
     // The shape relative to (0, 0), so that the offset is not rounded with the mean.
-    const P x = gs_fma(s.mx, ray.w, P(T(0)) - ray.x), y = gs_fma(s.my, ray.w, P(T(0)) - ray.y);
-    const FragmentAlpha<P> f = fragment_alpha(FragmentShape<P>{x, y, s.qa, s.qb, s.qc, opacity}, P(T(0)), P(T(0)));
-    const P forward = gs_fma(s.forward.x, ray.x, gs_fma(s.forward.y, ray.y, s.forward.z * ray.w));
-    return {{x, y, select(at_least(forward, P(T(1e-3))), f.alpha, P(T(0)))}, ray.w};
+    const Vec2<P> d = lens_offset(s.mx, s.my, ray);
+    FragmentAlpha<P> f = fragment_alpha(FragmentShape<P>{d.x, d.y, s.qa, s.qb, s.qc, opacity}, P(T(0)), P(T(0)));
+    if (s.wide) {
+        const P forward = gs_fma(s.forward.x, ray.x, gs_fma(s.forward.y, ray.y, s.forward.z * ray.w));
+        f.alpha = select(at_least(forward, P(T(1e-3))), f.alpha, P(T(0)));
+    }
+    return {f, ray.w};
 }
 
 /// The front-to-back state of a pixel.

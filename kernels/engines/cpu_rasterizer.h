@@ -90,10 +90,14 @@ template <class Real, class Model> class CpuRasterizer {
         begin_view(camera, background, 0);
         {
             const StageTimer timer(seconds.preprocess);
+            lens_shapes_.resize(camera.lens.is_pinhole() ? 0 : splats.size());
             fill_bins(std::int64_t(splats.size()), [&](std::int64_t i, std::int64_t end, BinningInput::Part& bin) {
                 for (; i < end; ++i) {
-                    splats_[i] = splats[i].splat(cutoffs_.inverse_alpha);
-                    add_instances(i, splats[i].bounds(tiles_x_ * kCpuTile, tiles_y_ * kCpuTile), splats[i].depth, bin);
+                    PixelBounds bounds;
+                    splats_[i] = received_splat(splats[i], camera, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile,
+                                                cutoffs_.inverse_alpha, bounds,
+                                                lens_shapes_.empty() ? nullptr : &lens_shapes_[i]);
+                    add_instances(i, bounds, splats[i].depth, bin);
                 }
             });
         }
@@ -106,7 +110,6 @@ template <class Real, class Model> class CpuRasterizer {
         if (std::max(camera.width, camera.height) > kMaxWireSide)
             throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                               " pixels: several ranks take up to " + std::to_string(kMaxWireSide) + " a side");
-        refuse_lens_for_splats(camera);
         begin_view(camera, {}, degree);
         const StageTimer timer(seconds.preprocess);
         const auto view = view_lanes();
@@ -126,7 +129,9 @@ template <class Real, class Model> class CpuRasterizer {
                     const PixelBounds bounds = lanes.pixel_bounds(lane);
                     if (!add_tiles(s, bounds, tiles_x_, tiles)) continue;
                     s.color = color_of(params, first + lane, mode);
-                    p.splats.push_back(WireSplat::of(s, bounds, lanes.depth[lane]));
+                    p.splats.push_back(camera.lens.is_pinhole()
+                                           ? WireSplat::of(s, bounds, lanes.depth[lane])
+                                           : WireSplat::of(s, lanes.lens_shapes[lane], lanes.depth[lane]));
                     p.rows.push_back(std::uint32_t(first + lane));
                 }
         });

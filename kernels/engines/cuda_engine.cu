@@ -323,6 +323,7 @@ void CudaEngine::lay_out_view(const CameraParams<float>& camera, std::int64_t n,
         throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                           " pixels: the CUDA backend takes up to " + std::to_string(kMaxSide) + " a side");
     begin_lens(camera, n);
+    if (lens_shapes_) find_rays(camera);
     if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * n, 1 << 16);
     const auto try_capacity = [&] {
         lay_out({for_backward ? Layout::kStep : Layout::kFrame, n, capacity_, camera.width, camera.height, wire_.placed,
@@ -386,6 +387,9 @@ void CudaEngine::begin_lens(const CameraParams<float>& camera, std::int64_t n) {
     lens_shapes_ = nullptr;
     if (camera.lens.is_pinhole()) return;
     lens_shapes_ = lens_shape_room_.reserve(std::size_t(std::max<std::int64_t>(n, 1)));
+}
+
+void CudaEngine::find_rays(const CameraParams<float>& camera) {
     if (lens_rays_.get() && has_same_rays(camera_of_rays_, camera)) return;
     const std::size_t pixels = std::size_t(camera.width) * camera.height;
     compute_rays<<<num_blocks(pixels, kBlock), kBlock, 0, stream_>>>(camera, lens_rays_.reserve(pixels));

@@ -197,8 +197,10 @@ class CudaEngine final : public Engine {
     /// Returns the arguments of a frame of up-to-date rows (settle()).
     PreprocessArgs frame_args(const RenderRequest& request);
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
-    /// Prepares the rays and the room for the shapes of a view of `n` splats, if it has a lens.
+    /// Prepares the room for the shapes of `n` splats in a view, if it has a lens.
     void begin_lens(const CameraParams<float>& camera, std::int64_t n);
+    /// Prepares the rays of the pixels of a view through a lens.
+    void find_rays(const CameraParams<float>& camera);
     /// Changes the set of rows by fn(), after all rows are up to date.
     template <class Fn> auto change_rows(Fn fn);
     /// Waits for all steps, then applies the deferred residual steps.

@@ -69,14 +69,15 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 // --- the rank's Gaussians, for other ranks --------------------------------------------------------------------------
 
 void CudaEngine::begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) {
-    refuse_lens_for_splats(camera);
     // After update_rows() no residual is stale, and later work is on the same stream.
     if (!wire_.is_updating || !in_flight_.empty()) settle();
     const std::int64_t n = model_.count;
     wire_.camera = camera, wire_.for_step = for_step;
     if (n == 0) return;
     lay_out({.layout = Layout::kProjection, .n = n});
+    begin_lens(camera, n);
     PreprocessArgs args = for_step ? preprocess_args(camera, mode, {}) : frame_args({camera, {}, mode});
+    args.lens_shapes = lens_shapes_;
     args.shared.prepared = model_.shared_prepared.get();
     args.separate = separate_;
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
@@ -109,7 +110,7 @@ void CudaEngine::end_projection(ProjectedView& out, std::optional<std::size_t> k
         to.rows = out.rows.resize(room);
     }
     pack_splats(wire_.rows, wire_.num_rows.get(), preprocess_args(wire_.camera, RenderMode::kFull, {}).params,
-                wire_.camera, splats_, to, stream_);
+                wire_.camera, splats_, lens_shapes_, to, stream_);
 }
 
 ScratchPlaces CudaEngine::room_for_splats(const CameraParams<float>& camera, std::size_t splats, std::size_t placed,
@@ -141,11 +142,13 @@ CudaBins CudaEngine::enqueue_forward(const SplatParts& splats, const RenderReque
                                      std::int64_t most) {
     const auto fill = [&] {
         const PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
+        const WireView view{args.camera, args.width_padded, args.height_padded, args.depth_key,
+                            args.cutoffs.inverse_alpha};
         std::int64_t first = 0;
         for (const auto* part : splats) {
             const auto n = std::int64_t(part->size());
-            unpack_splats(part->data(), n, first, args.width_padded, args.height_padded, args.depth_key,
-                          args.cutoffs.inverse_alpha, splats_, binning_.input(), control_.get(), stream_);
+            unpack_splats(part->data(), n, first, view, splats_, lens_shapes_, binning_.input(), control_.get(),
+                          stream_);
             first += n;
         }
     };

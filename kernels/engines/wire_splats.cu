@@ -34,7 +34,8 @@ __device__ std::int64_t wire_index() { return std::int64_t(blockIdx.x) * kWireBl
 
 __global__ void __launch_bounds__(kWireBlock)
     pack(const std::uint32_t* __restrict__ rows, const std::int64_t* __restrict__ num, ParameterView<float> params,
-         CameraParams<float> camera, const PackedSplat* __restrict__ splats, WireSplats out) {
+         CameraParams<float> camera, const PackedSplat* __restrict__ splats,
+         const PackedLensShape* __restrict__ lens_shapes, WireSplats out) {
     const std::int64_t k = wire_index();
     if (k == 0 && out.report) *out.report = {{}, *num, *num > out.room, 0};
     WireSplat wire{};
@@ -43,7 +44,9 @@ __global__ void __launch_bounds__(kWireBlock)
     if (exists) {
         const std::uint32_t row = rows[k];
         const PackedSplat splat = splats[row];
-        wire = WireSplat::of(splat.splat(), splat.bounds(), depth_of(camera_point(params.mean(row), camera), camera));
+        const float depth = depth_of(camera_point(params.mean(row), camera), camera);
+        wire = lens_shapes ? WireSplat::of(splat.splat(), lens_shapes[row].shape(), depth)
+                           : WireSplat::of(splat.splat(), splat.bounds(), depth);
         if (out.rows) out.rows[k] = row;
         if (out.places) {
             const std::uint32_t group = row / 32;
@@ -58,9 +61,9 @@ __global__ void __launch_bounds__(kWireBlock)
 }
 
 __global__ void __launch_bounds__(kWireBlock)
-    unpack(const WireSplat* __restrict__ wire, std::int64_t num, std::int64_t first, int width_padded,
-           int height_padded, DepthKey depth_key, float inverse_alpha, PackedSplat* __restrict__ splats,
-           CudaBinningInput out, StepControl* __restrict__ control) {
+    unpack(const WireSplat* __restrict__ wire, std::int64_t num, std::int64_t first, WireView view,
+           PackedSplat* __restrict__ splats, PackedLensShape* __restrict__ lens_shapes, CudaBinningInput out,
+           StepControl* __restrict__ control) {
     begin_view(out, control);
     const std::int64_t k = wire_index();
     const bool exists = k < num;
@@ -69,12 +72,13 @@ __global__ void __launch_bounds__(kWireBlock)
     PixelBounds b{0, 0, 0, 0};
     if (exists) {
         mine = wire[k];
-        s = mine.splat(inverse_alpha);
-        b = mine.bounds(width_padded, height_padded);
+        LensShape<float> shape;
+        s = received_splat(mine, view.camera, view.width_padded, view.height_padded, view.inverse_alpha, b, &shape);
+        if (lens_shapes) lens_shapes[first + k] = PackedLensShape::of(shape);
     }
     const TileTest tiles =
-        test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min, width_padded / kCudaTileX);
-    if (exists) place_splat(first + k, s, b, tiles, depth_key, mine.depth, splats, out);
+        test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min, view.width_padded / kCudaTileX);
+    if (exists) place_splat(first + k, s, b, tiles, view.depth_key, mine.depth, splats, out);
 }
 
 /// Writes the splats of rank `rank` to their places among the splats of all ranks.
@@ -93,19 +97,19 @@ __global__ void __launch_bounds__(kWireBlock)
 }  // namespace
 
 void pack_splats(const std::uint32_t* rows, const std::int64_t* num, const ParameterView<float>& params,
-                 const CameraParams<float>& camera, const PackedSplat* splats, const WireSplats& out,
-                 cudaStream_t stream) {
+                 const CameraParams<float>& camera, const PackedSplat* splats, const PackedLensShape* lens_shapes,
+                 const WireSplats& out, cudaStream_t stream) {
     const unsigned blocks = std::max(1u, num_blocks(out.room, kWireBlock));
-    pack<<<blocks, kWireBlock, 0, stream>>>(rows, num, params, camera, splats, out);
+    pack<<<blocks, kWireBlock, 0, stream>>>(rows, num, params, camera, splats, lens_shapes, out);
     GS_CUDA_LAUNCHED("pack");
 }
 
-void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, int width_padded, int height_padded,
-                   const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
-                   StepControl* control, cudaStream_t stream) {
+void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, const WireView& view,
+                   PackedSplat* splats, PackedLensShape* lens_shapes, const CudaBinningInput& out, StepControl* control,
+                   cudaStream_t stream) {
     if (num == 0) return;
-    unpack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(wire, num, first, width_padded, height_padded,
-                                                                   depth_key, inverse_alpha, splats, out, control);
+    unpack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(wire, num, first, view, splats, lens_shapes, out,
+                                                                   control);
     GS_CUDA_LAUNCHED("unpack");
 }
 

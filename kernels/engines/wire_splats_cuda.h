@@ -26,14 +26,22 @@ struct WireSplats {
 /// Packs the splats of `*num` Gaussians with these `rows`, as ViewRenderer::end_projection describes. Pointers are on
 /// the device.
 void pack_splats(const std::uint32_t* rows, const std::int64_t* num, const ParameterView<float>& params,
-                 const CameraParams<float>& camera, const PackedSplat* splats, const WireSplats& out,
-                 cudaStream_t stream);
+                 const CameraParams<float>& camera, const PackedSplat* splats, const PackedLensShape* lens_shapes,
+                 const WireSplats& out, cudaStream_t stream);
 
-/// Unpacks `num` splats, with all input of binning, for a view padded to whole tiles, from place `first` of the view
-/// on. Zeroes the counters of the view, even if only some parts of it are unpacked so far.
-void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, int width_padded, int height_padded,
-                   const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
-                   StepControl* control, cudaStream_t stream);
+/// A view of splats from all ranks.
+struct WireView {
+    CameraParams<float> camera;
+    int width_padded, height_padded;  ///< to whole tiles
+    DepthKey depth_key;
+    float inverse_alpha;  ///< as in Cutoffs
+};
+
+/// Unpacks `num` splats, with all input of binning, from place `first` of the view on; through a lens their shapes,
+/// too. Zeroes the counters of the view, even if only some parts of it are unpacked so far.
+void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, const WireView& view,
+                   PackedSplat* splats, PackedLensShape* lens_shapes, const CudaBinningInput& out, StepControl* control,
+                   cudaStream_t stream);
 
 /// Writes the splats of all ranks in the order of row_order(). `parts` is passed both on the host and on the device.
 void merge_splats(const std::vector<SplatsOfRank>& parts, const SplatsOfRank* parts_on_device, WireSplat* out,

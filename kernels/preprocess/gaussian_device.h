@@ -6,6 +6,7 @@
 #include "appearance/contract.h"
 #include "kernels/requests.h"
 #include "kernels/splat/gaussian_rows_device.h"
+#include "kernels/splat/wire_splat.h"
 
 namespace gs {
 
@@ -45,21 +46,51 @@ template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real
     if (g.antialiased) s.opacity = s.opacity * p.compensation;
 }
 
-/// Sets mean and conic of a splat through a lens to those of its outline on screen. Returns its shape on its face.
+/// Sets mean and conic of a splat through a lens, and its covariance, to those of its outline on screen. Completes its
+/// shape, of which the mean and the conic are given.
 template <class Real>
-GS_HD LensShape<Real> set_outline(Splat<Real>& s, const CameraParams<Real>& camera, Projection<Real>& p) {
-    const Real k = Real(-0.5 * kLog2E), focal = camera.face_focal();
-    const Real sign(p.face < 3 ? 1 : -1), forward = sign / focal;
-    const LensShape<Real> shape{focal * p.u,       focal * p.v, k * s.a,
-                                Real(2) * k * s.b, k * s.c,     {forward * p.u, forward * p.v, sign},
-                                p.face % kFaceAxes};
+GS_HD void set_outline(Splat<Real>& s, const CameraParams<Real>& camera, Projection<Real>& p, LensShape<Real>& shape) {
+    const Real sign(sign_of(p.face)), forward = sign / camera.face_focal();
     const Vec2<Real> mean{camera.fx * p.at.x.value + camera.cx, camera.fy * p.at.y.value + camera.cy};
     const Outline<Real> outline = lens_outline(camera, p, mean, touch_threshold(s));
+    shape.forward = {forward * p.u, forward * p.v, sign}, shape.axis = axis_of(p.face), shape.wide = outline.wide;
     s.mean = outline.center, p.cov2d = outline.cov2d;
     p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
     const Real inverse = Real(1) / p.det;
     s.a = p.cov2d.yy * inverse, s.b = -(p.cov2d.xy * inverse), s.c = p.cov2d.xx * inverse;
-    return shape;
+}
+
+/// Returns the bounds of a splat from the covariance on screen of what it may reach.
+template <class Real>
+GS_HD PixelBounds splat_bounds(const Splat<Real>& s, const Sym2<Real>& cov2d, const CameraParams<Real>& camera,
+                               int width_padded, int height_padded) {
+    return camera.lens.wraps()
+               ? wrapped_bounds(s.mean, cov2d, touch_threshold(s), camera.width, width_padded, height_padded)
+               : pixel_bounds(s.mean, cov2d, touch_threshold(s), width_padded, height_padded);
+}
+
+/// Returns a sent splat, and its bounds. Through a lens, writes its shape to `lens_shape` and returns its outline on
+/// screen, as make_splat() does.
+GS_HD Splat<float> received_splat(const WireSplat& wire, const CameraParams<float>& camera, int width_padded,
+                                  int height_padded, float inverse_alpha, PixelBounds& bounds,
+                                  LensShape<float>* lens_shape) {
+    Splat<float> s = wire.splat(inverse_alpha);
+    if (camera.lens.is_pinhole()) {
+        bounds = wire.bounds(width_padded, height_padded);
+        return s;
+    }
+    *lens_shape = wire.lens_shape();
+    lens_shape->unscale(s);
+    Projection<float> p;
+    const float unit = 1 / camera.face_focal();
+    place_on_face(camera, wire.face(), wire.mean_x * unit, wire.mean_y * unit, p);
+    // ac - b^2 cancels for needles, so the rounding error of b^2 is added back.
+    const float b2 = s.b * s.b, det = gs_fma(s.a, s.c, -b2) + gs_fma(-s.b, s.b, b2);
+    p.det = 1 / gs_max(det, 1e-7f * s.a * s.c);
+    p.cov2d = {s.c * p.det, -s.b * p.det, s.a * p.det};
+    set_outline(s, camera, p, *lens_shape);
+    bounds = splat_bounds(s, p.cov2d, camera, width_padded, height_padded);
+    return s;
 }
 
 /// Computes the geometry of the splat, its pixel bounds on a grid padded to whole tiles, and its depth. Returns false
@@ -76,13 +107,14 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     set_shape(s, p, g);
     if (g.antialiased && !(s.opacity >= cutoffs.alpha)) return false;
     s.threshold = splat_threshold(s.opacity, cutoffs.inverse_alpha);
-    if (camera.lens.is_pinhole())
+    if (camera.lens.is_pinhole()) {
         s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
-    else
-        *lens_shape = set_outline(s, camera, p);
-    bounds = camera.lens.wraps()
-                 ? wrapped_bounds(s.mean, p.cov2d, touch_threshold(s), camera.width, width_padded, height_padded)
-                 : pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);
+    } else {
+        const Real focal = camera.face_focal();
+        *lens_shape = LensShape<Real>::scaled({focal * p.u, focal * p.v}, s);
+        set_outline(s, camera, p, *lens_shape);
+    }
+    bounds = splat_bounds(s, p.cov2d, camera, width_padded, height_padded);
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;
 }
 

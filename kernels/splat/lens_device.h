@@ -193,23 +193,27 @@ template <class T, class S> GS_HD Vec2<S> lens_point(const Lens<T>& lens, const 
 // faces before the camera, to its right and below it are 0, 1 and 2, and those opposite 3, 4 and 5.
 inline constexpr int kFaceAxes = 3;
 
+/// Returns which of the camera's axes, z, x or y, passes through the middle of a face, and its sign there.
+GS_HD int axis_of(int face) { return face % kFaceAxes; }
+GS_HD int sign_of(int face) { return face < kFaceAxes ? 1 : -1; }
+
 /// Returns the face that a direction passes.
 template <class T> GS_HD int face_of(const Vec3<T>& d) {
     const T x = gs_abs(d.x), y = gs_abs(d.y), z = gs_abs(d.z);
     const int axis = z >= x && z >= y ? 0 : x >= y ? 1 : 2;
-    return axis + (axis == 0 ? d.z < T(0) : axis == 1 ? d.x < T(0) : d.y < T(0)) * 3;
+    return axis + (axis == 0 ? d.z < T(0) : axis == 1 ? d.x < T(0) : d.y < T(0)) * kFaceAxes;
 }
 
 /// Returns a vector in the axes of a face, the one through its middle last, or such a vector in the camera's axes. The
 /// last coordinate is negative on the faces 3 to 5.
 template <class T> GS_HD Vec3<T> on_face(const Vec3<T>& d, int face) {
-    return face % 3 == 0 ? d : face % 3 == 1 ? Vec3<T>{d.z, d.y, d.x} : Vec3<T>{d.x, d.z, d.y};
+    return axis_of(face) == 0 ? d : axis_of(face) == 1 ? Vec3<T>{d.z, d.y, d.x} : Vec3<T>{d.x, d.z, d.y};
 }
 
 /// Returns the direction of the point (u, v) of a face, which is the middle plus u and v in units of its distance. On
 /// the faces 3 to 5, u and v point against the axes: they are quotients by the last coordinate of on_face().
 template <class T> GS_HD Vec3<T> face_direction(T u, T v, int face) {
-    const T sign = face < 3 ? T(1) : T(-1);
+    const T sign(sign_of(face));
     return on_face(Vec3<T>{u * sign, v * sign, sign}, face);
 }
 

@@ -23,14 +23,6 @@ struct ProjectedView {
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
 
-/// Throws DeviceError for a camera with a lens: a WireSplat does not hold the shape of a splat through it.
-template <class Real> void refuse_lens_for_splats(const CameraParams<Real>& camera) {
-    if (!camera.lens.is_pinhole())
-        throw DeviceError(
-            "ranks, batches, PPISP controllers, shares of the appearance and scores take pinhole images only; use "
-            "--lens undistort");
-}
-
 /// The splats of a view in parts, one from each rank in rank order, and the sums for each of the splats.
 using SplatParts = std::vector<const DeviceArray<WireSplat>*>;
 template <class Sum> using SumParts = std::vector<DeviceArray<Sum>*>;

@@ -131,7 +131,7 @@ GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& ca
 
 /// Returns the rotation from the world to the axes of a face.
 template <class T> GS_HD Mat3<T> face_rotation(const Mat3<T>& r, int face) {
-    return face % 3 == 0 ? r : face % 3 == 1 ? Mat3<T>{r.r2, r.r1, r.r0} : Mat3<T>{r.r0, r.r2, r.r1};
+    return axis_of(face) == 0 ? r : axis_of(face) == 1 ? Mat3<T>{r.r2, r.r1, r.r0} : Mat3<T>{r.r0, r.r2, r.r1};
 }
 
 /// The Jacobian of the image point by the point of a face, pixels by pixels.
@@ -151,22 +151,27 @@ template <class T> struct FaceJacobian {
     }
 };
 
+/// Finds the image point of the point (u, v) of a face, and its inclination.
+template <class T> GS_HD void place_on_face(const CameraParams<T>& cam, int face, T u, T v, Projection<T>& p) {
+    p.face = face, p.u = u, p.v = v;
+    p.inclination = cam.lens.as_pinholes ? T(1) : T(1) / gs_sqrt(T(1) + u * u + v * v);
+    const T sign(sign_of(face));
+    p.at = lens_point_at(cam.lens, face_direction(u, v, face), on_face(Vec3<T>{sign, T(0), T(0)}, face),
+                         on_face(Vec3<T>{T(0), sign, T(0)}, face));
+}
+
 /// Computes steps 4 to 8 for the mean in p.cam in the axes of its face. The dilation is round on screen.
 template <class T>
 GS_HD void project_on_face(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
-    p.face = face_of(p.cam);
-    p.cam = on_face(p.cam, p.face);
+    const int face = face_of(p.cam);
+    p.cam = on_face(p.cam, face);
     const T inv_z = T(1) / p.cam.z;
-    p.u = p.uc = p.cam.x * inv_z;
-    p.v = p.vc = p.cam.y * inv_z;
+    place_on_face(cam, face, p.cam.x * inv_z, p.cam.y * inv_z, p);
+    p.uc = p.u, p.vc = p.v;
     p.j11 = p.j22 = cam.face_focal() * inv_z;
-    const Mat3<T> r = face_rotation(cam.rotation, p.face);
-    p.inclination = cam.lens.as_pinholes ? T(1) : T(1) / gs_sqrt(T(1) + p.u * p.u + p.v * p.v);
+    const Mat3<T> r = face_rotation(cam.rotation, face);
     p.a1 = (r.r0 - r.r2 * p.u) * (p.j11 * p.inclination);
     p.a2 = (r.r1 - r.r2 * p.v) * (p.j22 * p.inclination);
-    const T sign = p.face < 3 ? T(1) : T(-1);
-    p.at = lens_point_at(cam.lens, face_direction(p.u, p.v, p.face), on_face(Vec3<T>{sign, T(0), T(0)}, p.face),
-                         on_face(Vec3<T>{T(0), sign, T(0)}, p.face));
     const FaceJacobian<T> jacobian(cam, p.at);
     const Vec2<T> x = jacobian.solve(T(1), T(0)), y = jacobian.solve(T(0), T(1));
     const T d = dilation_of(g) * p.inclination * p.inclination;
@@ -234,10 +239,12 @@ template <class T> GS_HD T nearest_repeat(T x, T x0, T period) {
 template <class T> struct Outline {
     Vec2<T> center;
     Sym2<T> cov2d;
+    bool wide;  ///< as in LensShape
 };
 
 /// Returns an ellipse that holds all pixels which a splat through a lens may reach: those whose power is at most
-/// `threshold`, as the level set of this power. `mean` is the image point of the mean.
+/// `threshold`, as the level set of this power. `mean` is the image point of the mean. Reads what place_on_face() sets,
+/// cov2d and det.
 template <class T>
 GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p, const Vec2<T>& mean, T threshold) {
     constexpr double kPi = 3.14159265358979323846;
@@ -254,16 +261,20 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
                    (trace + gs_sqrt(gs_max(trace * trace - p.det * p.inclination * p.inclination, T(0)))),
             rho = gs_sqrt(rho2);
     if (!(rho < T(as_pinholes ? kMostFaceExtent : kMostLensExtent)))
-        return {mean, {T(kMaxVariance2d), T(0), T(kMaxVariance2d)}};
+        return {mean, {T(kMaxVariance2d), T(0), T(kMaxVariance2d)}, true};
+    // A small splat is narrow if pixels that are blended together lie within a radian. The scale is at least 0.4 f.
+    constexpr double kFewestPixels = 1.5 * kTileWidth / 0.4;
+    const bool wide = rho > T(0.5) || cam.face_focal() < T(kFewestPixels) ||
+                      cam.fy * (cam.lens.wraps() ? T(1 / kPi) : T(1)) < T(kFewestPixels);
     // Near the poles of a 360-degree image the outline is a band of rows.
     if (cam.lens.wraps()) {
         const T far2 = off2 + T(1), far = gs_sqrt(far2), ahead = far2 - rho * gs_sqrt(off2);
-        const T height = on_face(p.cam, p.face).y / (gs_abs(p.cam.z) * far);
+        const T height = face_direction(p.u, p.v, p.face).y / far;
         const T angle = as_pinholes ? gs_atan2(rho * far, ahead) : gs_atan2(rho, gs_sqrt(T(1) - rho2));
         const T sine = !as_pinholes ? rho : ahead > T(0) ? rho * far / gs_sqrt(rho2 * far2 + ahead * ahead) : T(1);
         if (sine > T(0.7) * gs_sqrt(gs_max(T(1) - height * height, T(0)))) {
             const T rows = angle * cam.fy * T(1 / kPi);
-            return {mean, {T(kMaxVariance2d), T(0), rows * rows / h2}};
+            return {mean, {T(kMaxVariance2d), T(0), rows * rows / h2}, true};
         }
     }
     // Offsets on the face are those from a unit ray divided by the inclination, to first order.
@@ -286,7 +297,7 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
     if (ratio < T(0.05)) {
         // The ellipse sqrt(h2 S) and a disc of radius `bend`, added up, lie in this multiple of the ellipse.
         const T grow = (T(1) + ratio) * (T(1) + ratio);
-        return {mean, {grow * s.xx, grow * s.xy, grow * s.yy}};
+        return {mean, {grow * s.xx, grow * s.xy, grow * s.yy}, wide};
     }
     // Points of a circle that L = chol(h2 S) maps to the ellipse, and the offsets of the contour from it.
     constexpr int kPoints = 24;
@@ -304,7 +315,7 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
             const T b = p.u * d.x + p.v * d.y, k = p.inclination * p.inclination;
             w = k * (gs_sqrt(gs_max(b * b + (T(1) - d.x * d.x - d.y * d.y) / k, T(0))) - b);
         }
-        const T sign = p.face < 3 ? T(1) : T(-1);
+        const T sign(sign_of(p.face));
         const Vec2<T> at = lens_point(
             cam.lens, gs::on_face(Vec3<T>{(p.u * w + d.x) * sign, (p.v * w + d.y) * sign, w * sign}, p.face));
         T x = cam.fx * at.x + cam.cx;
@@ -321,16 +332,22 @@ GS_HD Outline<T> lens_outline(const CameraParams<T>& cam, const Projection<T>& p
         m = {m.xx + share * d.x * d.x, m.xy + share * d.x * d.y, m.yy + share * d.y * d.y};
     }
     const T of_det = T(1) / (m.xx * m.yy - m.xy * m.xy);
-    T size = T(0);
-    for (int k = 0; k < kPoints; ++k) {
+    const auto size_at = [&](int k) {
         const Vec2<T> q = circle[k] + off[k];
-        size = gs_max(size, of_det * (m.yy * q.x * q.x - T(2) * m.xy * q.x * q.y + m.xx * q.y * q.y));
+        return of_det * (m.yy * q.x * q.x - T(2) * m.xy * q.x * q.y + m.xx * q.y * q.y);
+    };
+    T size = T(0), between = T(0), before = size_at(kPoints - 2), last = size_at(kPoints - 1);
+    for (int k = 0; k < kPoints; ++k) {
+        const T next = size_at(k);
+        size = gs_max(size, next), between = gs_max(between, gs_abs(before - T(2) * last + next));
+        before = last, last = next;
     }
-    const T grow = T(1.1) * size / h2;
+    const T grow = (T(1.01) * size + T(0.25) * between) / h2;
     const T a = l11 * l11, b = l11 * l21, ab = l11 * l22;
     return {mean + center,
             {grow * a * m.xx, grow * (b * m.xx + ab * m.xy),
-             grow * (l21 * l21 * m.xx + T(2) * l21 * l22 * m.xy + l22 * l22 * m.yy)}};
+             grow * (l21 * l21 * m.xx + T(2) * l21 * l22 * m.xy + l22 * l22 * m.yy)},
+            wide};
 }
 
 /// Returns the pixel rectangle in an image whose left and right borders are the same place. A rectangle across them

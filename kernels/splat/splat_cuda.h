@@ -13,15 +13,34 @@ namespace gs {
 /// A tile of the CUDA blend has 16x12 pixels, covered by six warps of 8x4 pixels.
 inline constexpr int kCudaTileX = kTileWidth, kCudaTileY = 12, kCudaTilePixels = kCudaTileX * kCudaTileY;
 
+/// LensShape::axis and LensShape::wide with the sign of forward.z, in one word.
+struct LensWord {
+    unsigned word;
+
+    static constexpr unsigned kAxis = 3, kWide = 4, kSign = 0x80000000u;
+
+    static __device__ LensWord of(const LensShape<float>& s) {
+        return {unsigned(s.axis) | (s.wide ? kWide : 0) | (__float_as_uint(s.forward.z) & kSign)};
+    }
+    __device__ int axis() const { return int(word & kAxis); }
+    __device__ bool is_wide() const { return word & kWide; }
+    __device__ float forward_z() const { return __uint_as_float((word & kSign) | 0x3f800000u); }
+    /// Returns bits that are 0 if a splat is on this axis and not wide.
+    __device__ unsigned differs_from(int axis) const { return (word ^ unsigned(axis)) & (kAxis | kWide); }
+};
+
 /// The shape of a splat through a lens; its PackedSplat holds the outline.
 struct alignas(16) PackedLensShape {
     float4 a;  ///< as in PackedSplat, on the face
-    float4 b;  ///< qc, axis with the sign of forward.z, forward.x, forward.y
+    float4 b;  ///< qc, LensWord, forward.x, forward.y
 
     static __device__ PackedLensShape of(const LensShape<float>& s) {
-        const unsigned sign = __float_as_uint(s.forward.z) & 0x80000000u;
         return {make_float4(s.mx, s.my, s.qa, s.qb),
-                make_float4(s.qc, __uint_as_float(unsigned(s.axis) | sign), s.forward.x, s.forward.y)};
+                make_float4(s.qc, __uint_as_float(LensWord::of(s).word), s.forward.x, s.forward.y)};
+    }
+    __device__ LensShape<float> shape() const {
+        const LensWord w{__float_as_uint(b.y)};
+        return {a.x, a.y, a.z, a.w, b.x, {b.z, b.w, w.forward_z()}, w.axis(), w.is_wide()};
     }
 };
 
@@ -55,10 +74,9 @@ struct alignas(16) PackedSplat {
         a = s.a, b.x = s.b.x, b.z = s.b.z, c.z = s.b.w, c.w = s.b.y;
     }
     /// Returns what set_lens_shape() has set.
+    __device__ LensWord lens_word() const { return {__float_as_uint(c.w)}; }
     __device__ LensShape<float> lens_shape() const {
-        const unsigned axis = __float_as_uint(c.w);
-        return {a.x,          a.y, a.z, a.w, b.x, {b.z, c.z, __uint_as_float((axis & 0x80000000u) | 0x3f800000u)},
-                int(axis & 3)};
+        return PackedLensShape{a, make_float4(b.x, c.w, b.z, c.z)}.shape();
     }
 };
 

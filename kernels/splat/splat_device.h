@@ -4,6 +4,7 @@
 
 #include "kernels/base/lanes.h"
 #include "kernels/base/vec.h"
+#include "kernels/splat/lens_device.h"
 #include "kernels/splat/raster_config.h"
 
 namespace gs {
@@ -32,8 +33,28 @@ template <class P> struct FragmentShape {
 template <class P> struct LensShape {
     P mx, my, qa, qb, qc;  ///< as in FragmentShape, in pixels of the face
     Vec3<P> forward;       ///< its product with a FaceRay is positive if the ray is less than 90 degrees from the mean
-    int axis;              ///< face_of() the mean modulo kFaceAxes
+    int axis;              ///< axis_of() the face
+    bool wide;             ///< whether its outline comes near rays opposite to the mean, where alpha is as at the mean
+
+    /// Returns a shape with this mean and the conic of a splat on its face. The rest depends on the outline.
+    static GS_HD LensShape scaled(const Vec2<P>& mean, const Splat<P>& s) {
+        const P k = P(-0.5 * kLog2E);
+        return {mean.x, mean.y, k * s.a, P(2) * k * s.b, k * s.c, {}, 0, true};
+    }
+    /// Sets the conic of the splat from that of the shape.
+    GS_HD void unscale(Splat<P>& s) const {
+        const P k = P(-2 / kLog2E);
+        s.a = k * qa, s.b = P(0.5) * k * qb, s.c = k * qc;
+    }
+    /// Returns face_of() the mean.
+    GS_HD int face() const { return axis + (forward.z < P(0) ? kFaceAxes : 0); }
 };
+
+/// Returns the shape of a splat that is known not to be wide, so that the compiler knows it, too.
+template <class P> GS_HD LensShape<P> narrow(LensShape<P> s) {
+    s.wide = false;
+    return s;
+}
 
 /// Returns the threshold of a splat with this opacity.
 template <class Real> GS_HD Real splat_threshold(Real opacity, Real inverse_alpha) {

@@ -18,7 +18,7 @@ constexpr double kBatchRate = 0.6;
 /// Returns whether a step through a lens draws as pinhole cameras do. A random quarter of the steps does, so that the
 /// model looks right through pinholes, too (docs/math/rasterizer.md#lenses).
 bool draws_as_pinholes(std::uint64_t seed, std::int64_t iteration) {
-    return philox(seed, RngStream::kDepthOrder, std::uint64_t(iteration), 0).v[0] % 4 == 0;
+    return philox(seed, RngStream::kAsPinholes, std::uint64_t(iteration), 0).v[0] % 4 == 0;
 }
 
 }  // namespace

@@ -34,8 +34,8 @@ class GpuRanks : public ::testing::TestWithParam<std::string> {
 };
 
 TEST_P(GpuRanks, HaveTheGradientsThatTheCpuHas) {
-    for (const std::int64_t num_residuals : {kRows, std::int64_t(60)}) {
-        const RankViews views(info, kRows, num_residuals);
+    for (const RankViews& views :
+         {RankViews(info), RankViews(info, kRows, 60), RankViews(info, kRows, 60).through_lenses()}) {
         const auto step = [&](Gaussians& after) {
             return [&](Backend& backend) {
                 backend.upload(views.model);
@@ -53,7 +53,7 @@ TEST_P(GpuRanks, HaveTheGradientsThatTheCpuHas) {
         Gaussians cpu;
         with_ranked_backend(1, kViews, views.model.appearance, views.targets(), step(cpu));
         for (const int ranks : {1, 2, 3}) {
-            SCOPED_TRACE(std::to_string(ranks) + " ranks, " + std::to_string(num_residuals) + " residuals");
+            SCOPED_TRACE(std::to_string(ranks) + " ranks, " + views.name());
             Gaussians gpu;
             on_device(ranks, views, step(gpu));
             EXPECT_EQ(gpu.step, cpu.step);
@@ -68,11 +68,11 @@ TEST_P(GpuRanks, HaveTheGradientsThatTheCpuHas) {
 }
 
 TEST_P(GpuRanks, TakeTheSameStepsInAnyNumber) {
-    const RankViews views(info, kRows, 60);
-    for (const bool packed : {false, true}) {
+    const RankViews pinholes(info, kRows, 60), lenses = RankViews(info, kRows, 60).through_lenses();
+    for (const auto& [views, packed] : {std::pair(pinholes, false), {pinholes, true}, {lenses, false}}) {
         Gaussians one;
         for (const int ranks : {1, 2, 3}) {
-            SCOPED_TRACE(std::to_string(ranks) + " ranks" + (packed ? ", packed moments" : ""));
+            SCOPED_TRACE(std::to_string(ranks) + " ranks, " + views.name() + (packed ? ", packed moments" : ""));
             Gaussians after;
             on_device(
                 ranks, views,

@@ -173,6 +173,63 @@ TEST(Lens, OutlinesHoldAllPixelsThatSplatsReach) {
     }
 }
 
+/// A splat that is not wide reaches no ray of the other half of the sphere in any tile that its outline touches, so
+/// that blending need not compare.
+TEST(Lens, NarrowSplatsMeetNoOppositeRays) {
+    std::mt19937 rng(31);
+    std::normal_distribution<double> normal;
+    std::vector<TestLens> lenses = test_lenses();
+    lenses.push_back(equirectangular_lens());
+    for (std::size_t i = lenses.size(); i-- > 0;) lenses.push_back(drawn_as_pinholes(lenses[i]));
+    for (const TestLens& test : lenses)
+        for (const int width : {512, 256}) {
+            SCOPED_TRACE(test.name);
+            const int height = width / 2;
+            constexpr int kStep = 4, kTile = kTileWidth;
+            const CameraParams<double> camera = lens_camera(test, width, height);
+            std::vector<Vec3<double>> rays;
+            for (int y = 0; y < height; y += kStep)
+                for (int x = 0; x < width; x += kStep)
+                    rays.push_back(
+                        lens_ray(camera.lens, (x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy));
+            int num_narrow = 0;
+            for (int i = 0; i < 300; ++i) {
+                const double angle = (test.lens.wraps() ? M_PI : std::acos(test.lens.cos_drawn)) * double(i) / 300;
+                GaussianGeometry<double> g;
+                g.mean = camera.rotation.transposed_times(direction_at(angle, 2.1 * i) * 3.0 - camera.translation);
+                const double size = -4 + 4.5 * double(i % 23) / 22;
+                g.log_scale = {size + 0.5 * normal(rng), size + 0.5 * normal(rng), size - 2 + 2 * normal(rng)};
+                g.rotation = {normal(rng), normal(rng), normal(rng), normal(rng)};
+                g.raw_opacity = i % 3 == 0 ? 6 : -2.0 + normal(rng);
+                Splat<double> s;
+                PixelBounds b;
+                double depth;
+                LensShape<double> shape;
+                if (!make_splat(g, camera, width, height, s, b, depth, {}, &shape) || shape.wide) continue;
+                ++num_narrow;
+                std::vector<bool> touched(std::size_t(width / kTile) * (height / kTile));
+                std::vector<int> opposite;
+                for (int y = 0, k = 0; y < height; y += kStep)
+                    for (int x = 0; x < width; x += kStep, ++k) {
+                        const int tile = y / kTile * (width / kTile) + x / kTile;
+                        const double mx =
+                            camera.lens.wraps() ? nearest_repeat(s.mean.x, x + 0.5, camera.period()) : s.mean.x;
+                        const double dx = mx - (x + 0.5), dy = s.mean.y - (y + 0.5);
+                        if (0.5 * (s.a * dx * dx + s.c * dy * dy) + s.b * dx * dy <= touch_threshold(s))
+                            touched[tile] = true;
+                        const FaceRay<double> ray =
+                            face_ray(rays[k], shape.axis, camera.face_focal(), camera.lens.as_pinholes);
+                        const double forward =
+                            shape.forward.x * ray.x + shape.forward.y * ray.y + shape.forward.z * ray.w;
+                        if (forward < 1e-3 && lens_fragment_alpha<double>(shape, s.opacity, ray).alpha >= kMinAlpha)
+                            opposite.push_back(tile);
+                    }
+                for (const int tile : opposite) ASSERT_FALSE(touched[tile]) << i << ": tile " << tile;
+            }
+            EXPECT_GT(num_narrow, width == 512 ? 100 : -1);
+        }
+}
+
 TEST(Lens, RaysAreThoseOfTheImagePoints) {
     for (const TestLens& test : test_lenses())
         for (const double share : {0.0, 0.1, 0.7, 1.0, 1.2})

@@ -13,6 +13,7 @@
 #include "kernels/ranks/shard.h"
 #include "kernels/state/adam_device.h"
 #include "tests/kernels/backends.h"
+#include "tests/kernels/lenses.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {
@@ -52,7 +53,23 @@ struct RankViews {
             for (float& x : photographs.back()) x = uniform(rng);
         }
     }
+    /// Puts lenses before all cameras but the last: wide, of 360 degrees and drawn as by pinholes, and thin.
+    RankViews through_lenses() && {
+        const TestLens lenses[] = {test_lenses()[0], drawn_as_pinholes(equirectangular_lens()), test_lenses()[2]};
+        static_assert(std::size(lenses) < kViews);
+        for (std::size_t k = 0; k < std::size(lenses); ++k) {
+            CameraParams<float> camera = cast<float>(lens_camera(lenses[k], kRankWidth, kRankHeight));
+            camera.translation = cameras[k].translation, camera.position = cameras[k].position;
+            cameras[k] = camera;
+        }
+        return std::move(*this);
+    }
 
+    /// Returns a description for messages of tests.
+    std::string name() const {
+        return std::to_string(model.num_residuals()) + " residuals" +
+               (cameras[0].lens.is_pinhole() ? "" : ", through lenses");
+    }
     TargetImage target(int view) const {
         return {kRankWidth, kRankHeight, 3, nullptr, photographs[std::size_t(view)].data(), nullptr, {view}};
     }

@@ -53,30 +53,35 @@ TYPED_TEST_P(RanksOn, GiveBackTheModelThatTheyWereGiven) {
 }
 
 TYPED_TEST_P(RanksOn, RenderAndScoreAsOne) {
-    const RankViews views(some_model(), kRows, 90);
-    Backend plain(TypeParam::make_engine(views.model.appearance, false));
-    plain.upload(views.model);
-    std::vector<RenderRequest> requests(kViews);
-    for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
-    const StepSource step_on = [&](std::size_t view) { return views.step(view); };
-    RenderedImage image;
-    plain.render(requests[1], image);
-    const auto scores = plain.scores(requests);
-    const ResidualScores residuals = plain.residual_scores(kViews, step_on);
-    const double error = plain.half_squared_error(views.step(2));
-    for (const int ranks : {1, 2, 3})
-        this->with(ranks, views, [&](Backend& backend) {
-            backend.upload(views.model);
-            RenderedImage other;
-            backend.render(requests[1], other);
-            expect_close(image.rgb, other.rgb, TypeParam::kPicture, "picture");
-            expect_close(image.alpha, other.alpha, TypeParam::kPicture, "alpha");
-            expect_close(scores, backend.scores(requests), TypeParam::kSums, "scores");
-            const ResidualScores found = backend.residual_scores(kViews, step_on);
-            expect_close(residuals.worth, found.worth, 10 * TypeParam::kSums, "worth of residuals");
-            expect_close(residuals.mean_base, found.mean_base, TypeParam::kSums, "mean bases");
-            EXPECT_NEAR(backend.half_squared_error(views.step(2)), error, TypeParam::kSums * error);
-        });
+    for (const RankViews& views :
+         {RankViews(some_model(), kRows, 90), RankViews(some_model(), kRows, 90).through_lenses()}) {
+        SCOPED_TRACE(views.name());
+        Backend plain(TypeParam::make_engine(views.model.appearance, false));
+        plain.upload(views.model);
+        std::vector<RenderRequest> requests(kViews);
+        for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
+        const StepSource step_on = [&](std::size_t view) { return views.step(view); };
+        std::vector<RenderedImage> images(kViews);
+        for (std::size_t k = 0; k < kViews; ++k) plain.render(requests[k], images[k]);
+        const auto scores = plain.scores(requests);
+        const ResidualScores residuals = plain.residual_scores(kViews, step_on);
+        const double error = plain.half_squared_error(views.step(2));
+        for (const int ranks : {1, 2, 3})
+            this->with(ranks, views, [&](Backend& backend) {
+                backend.upload(views.model);
+                for (std::size_t k = 0; k < kViews; ++k) {
+                    RenderedImage other;
+                    backend.render(requests[k], other);
+                    expect_close(images[k].rgb, other.rgb, TypeParam::kPicture, "picture");
+                    expect_close(images[k].alpha, other.alpha, TypeParam::kPicture, "alpha");
+                }
+                expect_close(scores, backend.scores(requests), TypeParam::kSums, "scores");
+                const ResidualScores found = backend.residual_scores(kViews, step_on);
+                expect_close(residuals.worth, found.worth, 10 * TypeParam::kSums, "worth of residuals");
+                expect_close(residuals.mean_base, found.mean_base, TypeParam::kSums, "mean bases");
+                EXPECT_NEAR(backend.half_squared_error(views.step(2)), error, TypeParam::kSums * error);
+            });
+    }
 }
 
 TYPED_TEST_P(RanksOn, GrowToTheCapAndPruneTogether) {

@@ -69,11 +69,11 @@ TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
 }
 
 TEST_P(EveryModelOnRanks, TrainAsOne) {
-    for (const std::int64_t num_residuals : {kRows, std::int64_t(60)}) {
-        const RankViews views(info, kRows, num_residuals);
+    for (const RankViews& views :
+         {RankViews(info), RankViews(info, kRows, 60), RankViews(info, kRows, 60).through_lenses()}) {
         Gaussians one;
         for (const int ranks : {1, 2, 3, 4}) {
-            SCOPED_TRACE(std::to_string(ranks) + " ranks, " + std::to_string(num_residuals) + " residuals");
+            SCOPED_TRACE(std::to_string(ranks) + " ranks, " + views.name());
             with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](Backend& backend) {
                 backend.upload(views.model);
                 for (int k = 0; k < 3; ++k) {

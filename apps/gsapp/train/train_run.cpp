@@ -185,21 +185,6 @@ TrainHooks watched(TrainHooks hooks, LiveTraining& live) {
     return hooks;
 }
 
-/// Throws UsageError if a view has a lens and an option needs splats that are sent or scored, which is not there for
-/// lenses.
-void require_known_lenses(const TrainOptions& options, const Scene& scene, const RankGroup* group) {
-    const bool trains_controllers = options.ppisp != PpispMode::kOff && options.controller_iterations != 0;
-    if (!group && options.batch.value_or(1) == 1 && !trains_controllers && options.appearance_share &&
-        !options.takes_residuals_away() && !options.speedy_splat)
-        return;
-    for (const View& view : scene.train)
-        if (!is_pinhole(view.camera))
-            throw UsageError(
-                fmt::format("{}: --ranks, --batch above 1, --ppisp with controllers, --appearance-share and "
-                            "--speedy-splat take pinhole images only: use --lens undistort",
-                            view.name));
-}
-
 }  // namespace
 
 TargetViews::TargetViews(const TrainOptions& options, Scene& scene)
@@ -233,7 +218,6 @@ std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const
     if (!options.resume.empty()) rules.frame = checkpoint_frame(options);
     Scene scene =
         options.resume.empty() ? load_scene(options, rules) : load_run_scene(resumed_run(options), options, rules);
-    require_known_lenses(options, scene, group);
     std::string cameras = cameras_json(scene);
     Progress progress(progress_style(options.quiet, options.json));
     verify(options, scene, progress);
