@@ -112,9 +112,13 @@ void read_images(const fs::path& file, ModelBuilder& builder) {
         const auto pose = cursor.read<std::array<double, 7>>("pose");
         const auto camera_id = cursor.read<std::uint32_t>("camera_id");
         std::string name = cursor.read_name("name");
-        constexpr std::size_t kPoint2DBytes = 24;
-        cursor.skip(cursor.read_count("number of 2D points", kPoint2DBytes) * kPoint2DBytes, "2D points");
-        builder.add_image(file, id, pose, camera_id, std::move(name));
+        std::vector<ColmapObservation> observations;
+        for (std::uint64_t points = cursor.read_count("number of 2D points", 24); points > 0; --points) {
+            const auto at = cursor.read<std::array<double, 2>>("2D points");
+            const auto point = cursor.read<std::int64_t>("2D points");
+            if (point >= 0) observations.push_back({float(at[0]), float(at[1]), std::uint64_t(point)});
+        }
+        builder.add_image(file, id, pose, camera_id, std::move(name), std::move(observations));
     }
     note_trailing(cursor, builder);
 }

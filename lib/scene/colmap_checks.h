@@ -26,7 +26,7 @@ class ModelBuilder {
     void add_unusable_camera(const std::filesystem::path& file, std::uint32_t id, std::string reason);
     /// `pose` is qw qx qy qz tx ty tz of cam_from_world.
     void add_image(const std::filesystem::path& file, std::uint32_t id, const std::array<double, 7>& pose,
-                   std::uint32_t camera_id, std::string name);
+                   std::uint32_t camera_id, std::string name, std::vector<ColmapObservation> observations);
     /// `rgb` is in 0..255.
     void add_point(const std::filesystem::path& file, std::uint64_t id, const Eigen::Vector3d& position,
                    const Eigen::Vector3d& rgb);
@@ -43,8 +43,8 @@ class ModelBuilder {
     std::unordered_map<std::uint32_t, std::string> unusable_cameras_;  ///< reason by camera id
     std::string first_unusable_camera_;
     std::unordered_set<std::uint32_t> image_ids_;
-    std::unordered_set<std::uint64_t> point_ids_;
-    std::size_t skipped_images_ = 0, skipped_points_ = 0, without_camera_ = 0;
+    std::unordered_set<std::uint64_t> skipped_point_ids_;
+    std::size_t skipped_images_ = 0, without_camera_ = 0;
     std::string first_skipped_image_, first_without_camera_;
 };
 

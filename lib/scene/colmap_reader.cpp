@@ -12,6 +12,7 @@
 
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
+#include "lib/core/median.h"
 #include "lib/scene/colmap_checks.h"
 
 namespace gs {
@@ -53,7 +54,7 @@ void ModelBuilder::require_new_camera(const fs::path& file, std::uint32_t id) co
 }
 
 void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::array<double, 7>& pose,
-                             std::uint32_t camera_id, std::string name) {
+                             std::uint32_t camera_id, std::string name, std::vector<ColmapObservation> observations) {
     const auto fail = [&](const std::string& what) {
         throw DataError(fmt::format("{}: image {} ('{}'): {}", file.string(), id, name, what));
     };
@@ -83,18 +84,21 @@ void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::
                              .camera_id = camera_id,
                              .name = std::move(name),
                              .rotation = q.toRotationMatrix(),
-                             .translation = t});
+                             .translation = t,
+                             .observations = std::move(observations)});
 }
 
 void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen::Vector3d& position,
                              const Eigen::Vector3d& rgb) {
-    if (!point_ids_.insert(id).second)
-        throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
     // The check is in float, because a finite double may overflow in float.
-    if (!position.cast<float>().allFinite()) {
-        ++skipped_points_;
+    const bool usable = position.cast<float>().allFinite();
+    if (model_.rows.contains(id) || skipped_point_ids_.contains(id))
+        throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
+    if (!usable) {
+        skipped_point_ids_.insert(id);
         return;
     }
+    model_.rows.emplace(id, model_.points.positions.size());
     model_.points.positions.push_back(position);
     model_.points.colors.push_back(rgb.cast<float>() / 255.0f);
 }
@@ -114,7 +118,8 @@ void ModelBuilder::finish() {
     if (skipped_images_ > 0)
         note(fmt::format("{} images with a non-finite or zero pose (first: {}): skipped", skipped_images_,
                          first_skipped_image_));
-    if (skipped_points_ > 0) note(fmt::format("{} points with non-finite coordinates: skipped", skipped_points_));
+    if (!skipped_point_ids_.empty())
+        note(fmt::format("{} points with non-finite coordinates: skipped", skipped_point_ids_.size()));
 }
 
 void read_points(const fs::path& file, ModelBuilder& builder) {
@@ -206,6 +211,20 @@ fs::path colmap_point_file(const fs::path& folder) {
     const fs::path binary = folder / "points3D.bin", text = folder / "points3D.txt";
     if (path_exists(binary) && (is_binary_colmap_model(folder) || !path_exists(text))) return binary;
     return path_exists(text) ? text : fs::path();
+}
+
+std::optional<TrackFit> track_fit(const ColmapModel& model, const ColmapImage& image) {
+    constexpr std::size_t kFewest = 10;
+    const LensCamera& lens = model.cameras.at(image.camera_id);
+    std::vector<double> errors;
+    for (const ColmapObservation& seen : image.observations) {
+        const auto row = model.rows.find(seen.point);
+        if (row == model.rows.end()) continue;
+        const auto at = project(lens, image.rotation * model.points.positions[row->second] + image.translation);
+        errors.push_back(at ? (*at - Eigen::Vector2d(seen.x, seen.y)).norm() : std::max(lens.width, lens.height));
+    }
+    if (errors.size() < kFewest) return {};
+    return TrackFit{errors.size(), median(std::move(errors)) / std::max(lens.width, lens.height)};
 }
 
 SourcePoints read_colmap_points(const fs::path& file, std::vector<std::string>& notes) {

@@ -6,7 +6,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "lib/scene/camera_models.h"
@@ -14,11 +16,18 @@
 
 namespace gs {
 
+/// A point that an image sees.
+struct ColmapObservation {
+    float x = 0, y = 0;       ///< pixels
+    std::uint64_t point = 0;  ///< point3D_id
+};
+
 struct ColmapImage {
     std::uint32_t id = 0, camera_id = 0;
     std::string name;                                        ///< relative to the image folder
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< translation of cam_from_world
+    std::vector<ColmapObservation> observations;             ///< of points of the model, or of others
 };
 
 struct ColmapModel {
@@ -26,8 +35,13 @@ struct ColmapModel {
     std::map<std::uint32_t, LensCamera> cameras;
     std::vector<ColmapImage> images;  ///< every camera_id is in `cameras`
     SourcePoints points;
-    std::vector<std::string> notes;  ///< one line per kind of skipped data
+    std::unordered_map<std::uint64_t, std::size_t> rows;  ///< row in `points` by point3D_id
+    std::vector<std::string> notes;                       ///< one line per kind of skipped data
 };
+
+/// Returns how well the pose of an image fits the points that it sees; nothing if it sees fewer than ten of the
+/// model's.
+std::optional<TrackFit> track_fit(const ColmapModel& model, const ColmapImage& image);
 
 /// Finds the model folder inside a scene: the sub-folder of `sparse` with the most images (reported in `notes` if there
 /// are several), else `sparse`, else the scene folder itself. Returns an empty path if none of these folders holds

@@ -162,25 +162,40 @@ ImageLine kind_of(std::string_view line) {
     return numbers ? ImageLine::kPoints : ImageLine::kOther;
 }
 
-/// Skips the line of an image's 2D points. The line is empty if there are no points, and some programs omit it.
-void skip_points2d(Lines& lines) {
+/// Reads the line of an image's 2D points. The line is empty if there are no points, and some programs omit it.
+std::string_view read_points2d(Lines& lines) {
     std::string_view line;
     do
-        if (!lines.next_raw(line)) return;
+        if (!lines.next_raw(line)) return {};
     while (is_comment(line));
-    if (!is_blank(line) && kind_of(line) != ImageLine::kPoints) lines.put_back();
+    if (is_blank(line)) return {};
+    if (kind_of(line) == ImageLine::kPoints) return line;
+    lines.put_back();
+    return {};
+}
+
+/// Returns the observations of a line of 2D points, whose fields are numbers. Points that are cut short are left out.
+std::vector<ColmapObservation> parse_points2d(Lines& lines, std::string_view line) {
+    std::vector<double> values;
+    for (Fields fields(lines, line); !fields.rest().empty();) values.push_back(fields.number<double>("POINTS2D"));
+    std::vector<ColmapObservation> out;
+    for (std::size_t i = 0; i + 2 < values.size(); i += 3)
+        if (values[i + 2] >= 0)  // -1 = no point
+            out.push_back({float(values[i]), float(values[i + 1]), std::uint64_t(values[i + 2])});
+    return out;
 }
 
 void read_text_images(const fs::path& file, ModelBuilder& builder) {
     Lines lines(file);
-    for (std::string_view line; lines.next(line); skip_points2d(lines)) {
+    for (std::string_view line; lines.next(line);) {
         Fields fields(lines, line);
         const auto id = fields.number<std::uint32_t>("IMAGE_ID");
         std::array<double, 7> pose;
         for (double& value : pose) value = fields.number<double>("pose");
         const auto camera_id = fields.number<std::uint32_t>("CAMERA_ID");
         // COLMAP writes names without blanks, but a name with blanks is unambiguous here because it ends the line.
-        builder.add_image(file, id, pose, camera_id, std::string(fields.rest()));
+        const std::string name(fields.rest());
+        builder.add_image(file, id, pose, camera_id, name, parse_points2d(lines, read_points2d(lines)));
     }
 }
 
@@ -216,7 +231,7 @@ void read_text_points(const fs::path& file, ModelBuilder& builder) {
 std::uint64_t count_text_images(const fs::path& file) {
     Lines lines(file);
     std::uint64_t count = 0;
-    for (std::string_view line; lines.next(line); skip_points2d(lines)) ++count;
+    for (std::string_view line; lines.next(line); read_points2d(lines)) ++count;
     return count;
 }
 

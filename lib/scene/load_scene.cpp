@@ -9,7 +9,7 @@
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
-#include "lib/core/median.h"
+#include "lib/scene/camera_faults.h"
 #include "lib/scene/colmap_reader.h"
 #include "lib/scene/exif.h"
 #include "lib/scene/frame.h"
@@ -194,38 +194,6 @@ void choose_cameras(SourceScene& scene, LensMode mode) {
         fmt::format("{} images are left out because their camera cannot be used (first: {})", unusable, first));
 }
 
-/// Adds a note about cameras that are so far from the others that their poses must be wrong.
-void note_far_cameras(const std::vector<SourceView>& views, std::vector<std::string>& notes) {
-    // The farthest camera is at 1.1 to 2.8 median distances in captures of objects, rooms and buildings, and at 2 on a
-    // straight line. If more than a tenth of the cameras are far away, they are a second place and not errors.
-    constexpr double kFar = 6, kFewest = 5, kMostShare = 0.1;
-    if (double(views.size()) < kFewest) return;
-    std::vector<Eigen::Vector3d> centers;
-    for (const SourceView& view : views) centers.push_back(camera_center(view));
-    Eigen::Vector3d middle;
-    for (int axis = 0; axis < 3; ++axis) {
-        std::vector<double> values;
-        for (const Eigen::Vector3d& center : centers) values.push_back(center[axis]);
-        middle[axis] = median(std::move(values));
-    }
-    std::vector<double> distances;
-    for (const Eigen::Vector3d& center : centers) distances.push_back((center - middle).stableNorm());
-    const double usual = median(distances);
-    std::vector<std::string> far;
-    double farthest = 0;
-    for (std::size_t i = 0; i < views.size(); ++i)
-        if (usual > 0 && distances[i] > kFar * usual) {
-            far.push_back(views[i].name);
-            farthest = std::max(farthest, distances[i] / usual);
-        }
-    if (far.empty() || double(far.size()) > std::max(1.0, kMostShare * double(views.size()))) return;
-    notes.push_back(fmt::format(
-        "{} of {} cameras stand far outside of the others, up to {:.3g} times the median distance from their middle "
-        "({}): the size of the scene, and with it the learning rates of positions, follow from them; if the poses are "
-        "wrong, take these images out of the scene",
-        far.size(), views.size(), farthest, listed(far)));
-}
-
 /// Replaces the dataset's camera ids by indices of the devices that took training images.
 void number_cameras(Scene& scene) {
     std::map<int, int> index;
@@ -301,7 +269,7 @@ void describe_masks(const SourceScene& source, Scene& scene) {
 double camera_radius(const std::vector<View>& views) {
     const Eigen::Vector3d mean = mean_camera_center(views);
     double radius = 0;
-    for (const View& view : views) radius = std::max(radius, (view.camera.center() - mean).norm());
+    for (const Eigen::Vector3d& center : usual_camera_centers(views)) radius = std::max(radius, (center - mean).norm());
     return radius > 1e-6 / 1.1 ? radius : 0;
 }
 
@@ -369,9 +337,19 @@ void remove_training_views(Scene& scene, const std::vector<bool>& unusable) {
     scene.extent = camera_extent(scene.train, scene.points);
 }
 
+std::vector<Eigen::Vector3d> usual_camera_centers(const std::vector<View>& views) {
+    std::vector<Eigen::Vector3d> centers, usual;
+    for (const View& view : views) centers.push_back(view.camera.center());
+    const std::vector<bool> far = far_cameras(centers);
+    for (std::size_t i = 0; i < centers.size(); ++i)
+        if (!far[i]) usual.push_back(centers[i]);
+    return usual;
+}
+
 Eigen::Vector3d mean_camera_center(const std::vector<View>& views) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const View& view : views) mean += view.camera.center() / double(views.size());
+    const std::vector<Eigen::Vector3d> centers = usual_camera_centers(views);
+    for (const Eigen::Vector3d& center : centers) mean += center / double(centers.size());
     return mean;
 }
 
@@ -426,8 +404,8 @@ Scene load_scene(const SceneOptions& options, const LoadRules& rules) {
     if (!options.eval && !options.test_list.empty()) scene.notes.push_back("a test list without --eval: ignored");
 
     std::vector<ViewRole> roles = choose_roles(source, options, scene.split_rule);
+    leave_out_wrong_poses(source.views, source.points, roles, scene.notes);
     remove_unused(source, roles, rules.scores);
-    note_far_cameras(source.views, scene.notes);
     describe_masks(source, scene);
     ViewBuilder builder(options, source.prescaled);
     for (std::size_t i = 0; i < source.views.size(); ++i)

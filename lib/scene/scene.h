@@ -123,7 +123,10 @@ std::string view_digest(const std::vector<View>& views);
 /// The other arrays of the scene are unchanged.
 void remove_training_views(Scene& scene, const std::vector<bool>& unusable);
 
-/// Returns the mean of the cameras' centres, frame units; 0 without views.
+/// Returns the centres of the cameras without those far outside of the others (far_cameras()), frame units.
+std::vector<Eigen::Vector3d> usual_camera_centers(const std::vector<View>& views);
+
+/// Returns the mean of the usual cameras' centres, frame units; 0 without views.
 Eigen::Vector3d mean_camera_center(const std::vector<View>& views);
 
 /// Returns the scene's extent E (docs/math/optimization.md#scene-extent), frame units. If the cameras are all in one

@@ -109,20 +109,21 @@ double opacity_rate(const std::optional<double>& opacity_lr, double camera_spaci
 
 double camera_spacing(const std::vector<View>& views) {
     constexpr double kSmallest = 1e-6;
-    if (views.size() < 2) return kNeutral;
+    const std::vector<Eigen::Vector3d> centers = usual_camera_centers(views);
+    if (centers.size() < 2) return kNeutral;
     double sum = 0;
     std::vector<double> distances;
-    for (const View& a : views) {
+    for (const Eigen::Vector3d& a : centers) {
         distances.clear();
-        for (const View& b : views)
-            if (&a != &b) distances.push_back((a.camera.center() - b.camera.center()).norm());
+        for (const Eigen::Vector3d& b : centers)
+            if (&a != &b) distances.push_back((a - b).norm());
         const std::size_t k = std::min<std::size_t>(3, distances.size());
         std::partial_sort(distances.begin(), distances.begin() + k, distances.end());
         double mean = 0;
         for (std::size_t i = 0; i < k; ++i) mean += distances[i] / double(k);
         sum += mean;
     }
-    return std::max(sum / double(views.size()), kSmallest);
+    return std::max(sum / double(centers.size()), kSmallest);
 }
 
 }  // namespace gs

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole scenes: image folders, sizes, splits, masks, pre-flight notes, extent.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -715,24 +717,79 @@ TEST(LoadScene, AFrameThatCannotBeUsedIsLeftOutAlone) {
     EXPECT_TRUE(mentions(scene.notes, "found by the end of the name (first: 'C:/shoot/d.png' is images/d.png)"));
 }
 
-TEST(LoadScene, ACameraFarOutsideOfTheOthersIsNamed) {
+TEST(LoadScene, ACameraFarOutsideOfTheOthersDoesNotSetTheSize) {
     TempFolder folder;
     const auto names = numbered(12);
     write_colmap_scene(folder.path(), names);
-    const auto far_note = [&](std::vector<double> distances) {
+    const double extent = load_unframed(at(folder.path())).extent;
+    const auto load = [&](int axis, std::vector<double> distances) {
         auto images = row_of_images(names);
-        for (std::size_t i = 0; i < distances.size(); ++i) images[i].pose[4] = distances[i];
+        for (std::size_t i = 0; i < distances.size(); ++i) images[i].pose[4 + axis] = distances[i];
         spit(folder / "sparse/0/images.bin", images_bin(images));
-        for (const std::string& note : load_unframed(at(folder.path())).notes)
-            if (note.find("far outside of the others") != std::string::npos) return note;
-        return std::string();
+        return load_unframed(at(folder.path()));
     };
-    EXPECT_EQ(far_note({}), "") << "a straight line";
-    const std::string note = far_note({1000});
-    EXPECT_CONTAINS(note, "1 of 12 cameras stand far outside");
-    EXPECT_CONTAINS(note, "(a.png)");
-    EXPECT_CONTAINS(note, "learning rates");
-    EXPECT_EQ(far_note({5, 5.1, 5.2}), "") << "a second place";
+    EXPECT_FALSE(mentions(load(0, {}).notes, "far outside of the others")) << "a straight line";
+    EXPECT_FALSE(mentions(load(0, {5, 5.1, 5.2}).notes, "far outside of the others")) << "a second place";
+
+    const Scene seeing = load(2, {100});
+    EXPECT_EQ(seeing.train.size(), 12u);
+    EXPECT_TRUE(mentions(seeing.notes, "1 of 12 cameras stand far outside of the others"));
+    EXPECT_TRUE(mentions(seeing.notes, "(a.png)"));
+    EXPECT_LE(seeing.extent, extent);
+    EXPECT_GT(seeing.extent, 0.8 * extent);
+
+    const Scene blind = load(0, {1000});
+    EXPECT_EQ(blind.train.size(), 11u);
+    EXPECT_TRUE(mentions(blind.notes, "1 of 12 images are left out of the training"));
+    EXPECT_TRUE(mentions(blind.notes, "see none of the points (a.png)"));
+    EXPECT_EQ(blind.extent, seeing.extent);
+}
+
+/// Writes twelve images of twenty points, of which the first `num_wrong` were moved sideways, to images.bin or
+/// images.txt.
+void write_seen_scene(const std::filesystem::path& folder, std::size_t num_wrong, bool text) {
+    auto images = row_of_images(numbered(12));
+    std::vector<TestPoint> points;
+    for (std::uint64_t k = 0; k < 20; ++k)
+        points.push_back({100 + k, 0.1 * double(k % 5) - 0.5, 0.1 * double(k / 5), 0.02 * double(k)});
+    std::string lines;
+    for (std::size_t i = 0; i < images.size(); ++i) {
+        auto& pose = images[i].pose;
+        for (const TestPoint& p : points)
+            images[i].seen.push_back(
+                {20 * (p.x + pose[4]) / (p.z + pose[6]) + 8, 20 * p.y / (p.z + pose[6]) + 6, p.id});
+        images[i].seen.push_back({1, 1, 7});  // of no point
+        if (i < num_wrong) pose[5] = 1;
+        lines += fmt::format("{} {} {} {}\n", images[i].id, fmt::join(pose, " "), images[i].camera_id, images[i].name);
+        for (const auto& seen : images[i].seen) lines += fmt::format("{} {} {} ", seen.x, seen.y, seen.point);
+        lines += "3 3 -1\n";
+    }
+    const std::filesystem::path model = folder / "sparse/0";
+    write_model(model, {TestCamera{}}, images, points);
+    if (!text) return;
+    for (const char* name : {"cameras.bin", "images.bin"}) std::filesystem::remove(model / name);
+    spit(model / "cameras.txt", "1 PINHOLE 16 12 20 20 8 6\n");
+    spit(model / "images.txt", lines);
+}
+
+TEST(LoadScene, AnImageWhosePoseContradictsItsPointsIsLeftOut) {
+    for (const bool text : {false, true}) {
+        TempFolder folder;
+        write_colmap_scene(folder.path(), numbered(12));
+        const auto load = [&](std::size_t num_wrong, bool eval) {
+            write_seen_scene(folder.path(), num_wrong, text);
+            return load_unframed(at(folder.path(), eval));
+        };
+        EXPECT_TRUE(load(0, false).notes.empty());
+        const Scene one = load(1, false);
+        EXPECT_EQ(one.train.size(), 11u);
+        EXPECT_TRUE(mentions(one.notes, "1 of 12 images are left out of the training"));
+        EXPECT_TRUE(mentions(one.notes, "by up to 30 % of the image's size (a.png)")) << one.notes[0];
+        const Scene scored = load(1, true);
+        EXPECT_EQ(scored.train.size() + scored.test.size(), 12u);
+        EXPECT_TRUE(mentions(scored.notes, "1 test images have poses that cannot be right"));
+        EXPECT_EQ(load(4, false).train.size(), 12u) << "then the points are wrong, or the cameras";
+    }
 }
 
 }  // namespace

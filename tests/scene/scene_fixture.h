@@ -45,7 +45,12 @@ struct TestImage {
     std::vector<double> pose = {1, 0, 0, 0, 0, 0, 4};
     std::uint32_t camera_id = 1;
     std::string name = "a.png";
-    int num_points2d = 0;
+    int num_points2d = 0;  ///< that belong to no point
+    struct Seen {
+        double x, y;
+        std::uint64_t point;
+    };
+    std::vector<Seen> seen = {};
 };
 
 struct TestPoint {
@@ -71,8 +76,9 @@ inline std::string images_bin(const std::vector<TestImage>& images) {
     for (const TestImage& i : images) {
         out.put(i.id);
         for (const double v : i.pose) out.put(v);
-        out.put(i.camera_id).text(i.name).put(std::uint64_t(i.num_points2d));
+        out.put(i.camera_id).text(i.name).put(std::uint64_t(i.num_points2d) + i.seen.size());
         for (int k = 0; k < i.num_points2d; ++k) out.put(1.5 * k).put(2.5).put(~std::uint64_t(0));
+        for (const TestImage::Seen& s : i.seen) out.put(s.x).put(s.y).put(s.point);
     }
     return out.data();
 }
