@@ -19,6 +19,7 @@ bool are_few(std::size_t wrong, std::size_t all) {
 
 /// Returns the distances of the cameras from their middle in units of the median distance; 0 if they are in one place.
 std::vector<double> distances_from_middle(const std::vector<Eigen::Vector3d>& centers) {
+    if (centers.empty()) return {};
     Eigen::Vector3d middle;
     for (int axis = 0; axis < 3; ++axis) {
         std::vector<double> values;
@@ -39,10 +40,10 @@ std::vector<bool> contradict_tracks(const std::vector<SourceView>& views) {
     std::vector<bool> wrong(views.size());
     std::vector<double> errors;
     for (const SourceView& view : views)
-        if (view.tracks) errors.push_back(view.tracks->error);
+        if (view.track_error) errors.push_back(*view.track_error);
     if (errors.empty()) return wrong;
     const double largest = std::max(kLargest, kLargestOfUsual * median(errors));
-    for (std::size_t i = 0; i < views.size(); ++i) wrong[i] = views[i].tracks && views[i].tracks->error > largest;
+    for (std::size_t i = 0; i < views.size(); ++i) wrong[i] = views[i].track_error && *views[i].track_error > largest;
     if (!are_few(std::size_t(std::count(wrong.begin(), wrong.end(), true)), errors.size()))
         wrong.assign(views.size(), false);
     return wrong;
@@ -80,13 +81,15 @@ void leave_out_wrong_poses(const std::vector<SourceView>& views, const SourcePoi
             centers.push_back(-views[i].rotation.transpose() * views[i].translation);
         }
     const std::vector<bool> contradicted = contradict_tracks(views), far = far_cameras(centers);
+    const std::vector<double> distances = distances_from_middle(centers);
     std::vector<std::string> off, lost, distant, scored;
     double worst = 0, farthest = 0;
     for (std::size_t k = 0; k < used.size(); ++k) {
         const SourceView& view = views[used[k]];
-        const bool sees_nothing = far[k] && !view.tracks && !points.positions.empty() && !sees_a_point(view, points);
-        if (far[k]) farthest = std::max(farthest, distances_from_middle(centers)[k]);
-        if (contradicted[used[k]]) worst = std::max(worst, view.tracks->error);
+        const bool sees_nothing =
+            far[k] && !view.track_error && !points.positions.empty() && !sees_a_point(view, points);
+        if (far[k]) farthest = std::max(farthest, distances[k]);
+        if (contradicted[used[k]]) worst = std::max(worst, *view.track_error);
         if (!contradicted[used[k]] && !sees_nothing) {
             if (far[k]) distant.push_back(view.name);
             continue;
@@ -106,8 +109,8 @@ void leave_out_wrong_poses(const std::vector<SourceView>& views, const SourcePoi
     if (!lost.empty())
         notes.push_back(
             fmt::format("{} of {} images are left out of the training, since their cameras stand far outside of the "
-                        "others, up to {:.3g} "
-                        "times the median distance from their middle, and see none of the points ({})",
+                        "others, up to {:.3g} times the median distance from their middle, and see none of the points "
+                        "({})",
                         lost.size(), used.size(), farthest, listed(lost)));
     if (!distant.empty())
         notes.push_back(fmt::format(

@@ -213,18 +213,20 @@ fs::path colmap_point_file(const fs::path& folder) {
     return path_exists(text) ? text : fs::path();
 }
 
-std::optional<TrackFit> track_fit(const ColmapModel& model, const ColmapImage& image) {
+std::optional<double> track_error(const ColmapModel& model, const ColmapImage& image) {
     constexpr std::size_t kFewest = 10;
     const LensCamera& lens = model.cameras.at(image.camera_id);
+    const double side = std::max(lens.width, lens.height);
     std::vector<double> errors;
     for (const ColmapObservation& seen : image.observations) {
         const auto row = model.rows.find(seen.point);
         if (row == model.rows.end()) continue;
         const auto at = project(lens, image.rotation * model.points.positions[row->second] + image.translation);
-        errors.push_back(at ? (*at - Eigen::Vector2d(seen.x, seen.y)).norm() : std::max(lens.width, lens.height));
+        const double error = at ? (*at - Eigen::Vector2d(seen.x, seen.y)).norm() / side : 1;
+        errors.push_back(error < 1 ? error : 1);
     }
     if (errors.size() < kFewest) return {};
-    return TrackFit{errors.size(), median(std::move(errors)) / std::max(lens.width, lens.height)};
+    return median(std::move(errors));
 }
 
 SourcePoints read_colmap_points(const fs::path& file, std::vector<std::string>& notes) {

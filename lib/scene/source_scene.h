@@ -23,12 +23,6 @@ enum class ViewRole {
     kLeftOut  ///< in neither set
 };
 
-/// How well a pose fits the points that its image sees.
-struct TrackFit {
-    std::size_t points = 0;  ///< number of points
-    double error = 0;        ///< median distance of their images, as a share of the image's larger side
-};
-
 struct SourceView {
     std::string name;
     std::filesystem::path image_path;                        ///< exists and has a readable header
@@ -40,7 +34,7 @@ struct SourceView {
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
     int camera_id = 0;  ///< device that took it, in the dataset's numbering
     std::optional<MaskFile> mask;
-    std::optional<TrackFit> tracks;  ///< nothing if the dataset does not say what the image sees
+    std::optional<double> track_error = {};  ///< as track_error(); nothing if it is not known what the image sees
     ViewRole role = ViewRole::kTrain;
     /// Reason why the image cannot be read; empty if it can. An unreadable view counts in the split and is then left
     /// out.
