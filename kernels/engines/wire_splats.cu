@@ -70,14 +70,13 @@ __global__ void __launch_bounds__(kWireBlock)
     WireSplat mine{};
     Splat<float> s{};
     PixelBounds b{0, 0, 0, 0};
-    if (exists) {
-        mine = wire[k];
+    if (exists) mine = wire[k];
+    if (mine.opacity > 0) {  // others pad the array
         LensShape<float> shape;
         s = received_splat(mine, view.camera, view.width_padded, view.height_padded, view.inverse_alpha, b, &shape);
         if (lens_shapes) lens_shapes[first + k] = PackedLensShape::of(shape);
     }
-    const TileTest tiles =
-        test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min, view.width_padded / kCudaTileX);
+    const TileTest tiles = test_tiles(s, b, b.x_max > b.x_min && b.y_max > b.y_min, view.width_padded / kCudaTileX);
     if (exists) place_splat(first + k, s, b, tiles, view.depth_key, mine.depth, splats, out);
 }
 
