@@ -124,6 +124,32 @@ TEST_F(GpuRanksOfOneModel, RenderSplatsOfEqualDepthInTheOrderOfTheModel) {
     }
 }
 
+/// From the second step on, arrays have room for more splats than a view shows.
+TEST_F(GpuRanksOfOneModel, PadArraysWithSplatsThatTouchNoTile) {
+    for (const RankViews& views : {RankViews(info, 20000), RankViews(info, 20000).through_lenses()}) {
+        SCOPED_TRACE(views.name());
+        auto steps = views.steps();
+        for (StepRequest& step : steps) step.rates = {};
+        const auto instances_of = [](Backend& backend, const std::vector<StepRequest>& steps) {
+            backend.step_on(steps);
+            backend.synchronize();
+            return double(backend.take_stats().num_instances);
+        };
+        double expected = 0;
+        const auto plain = make_cuda_backend(views.model.appearance, {});
+        plain->upload(views.model);
+        for (const StepRequest& step : steps) expected += instances_of(*plain, {step});
+        EXPECT_GT(expected, 0);
+        for (const int ranks : {1, 2})
+            on_device(ranks, views, [&](Backend& backend) {
+                backend.upload(views.model);
+                for (int k = 0; k < 4; ++k)
+                    EXPECT_NEAR(instances_of(backend, steps), expected, 1e-3 * expected)
+                        << ranks << " ranks, step " << k;
+            });
+    }
+}
+
 TEST_F(GpuRanksOfOneModel, CountTheBytesThatRanksOfTheCpuCount) {
     const RankViews views(info, kRows, 90);
     const auto step = [&](Traffic& traffic) {

@@ -36,8 +36,9 @@ ListsOnDevice list_on_device(const std::vector<WireSplat>& splats, int width, in
     DeviceBuffer<WireSplat> wire;
     wire.upload(splats);
     const auto padded = [](int size, int tile) { return (size + tile - 1) / tile * tile; };
-    unpack_splats(wire.get(), n, 0, padded(width, kCudaTileX), padded(height, kCudaTileY), DepthKey::of(0.01f, 1e4f),
-                  255, packed, binning.input(), control.get(), nullptr);
+    unpack_splats(wire.get(), n, 0,
+                  {{}, padded(width, kCudaTileX), padded(height, kCudaTileY), DepthKey::of(0.01f, 1e4f), 255}, packed,
+                  nullptr, binning.input(), control.get(), nullptr);
     const auto download = [](const std::uint32_t* from, std::int64_t num) {
         std::vector<std::uint32_t> out(static_cast<std::size_t>(num));
         GS_CUDA(cudaMemcpy(out.data(), from, out.size() * sizeof(std::uint32_t), cudaMemcpyDeviceToHost));
