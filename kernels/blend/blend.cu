@@ -196,8 +196,8 @@ __device__ void list_chunks(BlockMemory& shared, int tile, int2 corner, std::uin
                                                 std::uint32_t(corner.x | corner.y << 16)};
 }
 
-/// Lists the addresses of the splats that reach a warp's sub-tile, with their marks, followed by kMostAtOnce addresses
-/// of a splat that changes nothing. Returns the number of splats listed before the padding.
+/// Writes a warp's list: the addresses of the splats that reach its sub-tile, with their marks, and then kMostAtOnce
+/// times the address of a splat that changes no pixel. Returns the number of splats that reach the sub-tile.
 template <class Mark> __device__ int list_splats(BlockMemory& shared, int buffer, int warp, int lane, Mark&& mark) {
     unsigned* list = shared.lists[warp];
     const unsigned first = shared_address(&shared.splats[buffer][lane]);

@@ -78,7 +78,7 @@ void leave_out_wrong_poses(const std::vector<SourceView>& views, const SourcePoi
     for (std::size_t i = 0; i < views.size(); ++i)
         if (roles[i] != ViewRole::kLeftOut) {
             used.push_back(i);
-            centers.push_back(-views[i].rotation.transpose() * views[i].translation);
+            centers.push_back(views[i].center());
         }
     const std::vector<bool> contradicted = contradict_tracks(views), far = far_cameras(centers);
     const std::vector<double> distances = distances_from_middle(centers);

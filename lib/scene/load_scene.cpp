@@ -154,13 +154,11 @@ void remove_unused(SourceScene& scene, std::vector<ViewRole>& roles, bool scores
     roles.resize(kept);
 }
 
-Eigen::Vector3d camera_center(const SourceView& view) { return -view.rotation.transpose() * view.translation; }
-
 /// Returns the camera centres of all views that the dataset does not leave out.
 std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views) {
     std::vector<Eigen::Vector3d> centers;
     for (const SourceView& view : views)
-        if (view.role != ViewRole::kLeftOut) centers.push_back(camera_center(view));
+        if (view.role != ViewRole::kLeftOut) centers.push_back(view.center());
     return centers;
 }
 

@@ -39,6 +39,8 @@ struct SourceView {
     /// Reason why the image cannot be read; empty if it can. An unreadable view counts in the split and is then left
     /// out.
     std::string unreadable = {};
+
+    Eigen::Vector3d center() const { return -rotation.transpose() * translation; }  ///< of the camera, scene units
 };
 
 /// Points as read from files, scene units. Positions are doubles, so that map coordinates stay exact.
