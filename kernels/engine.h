@@ -109,6 +109,9 @@ class StepEngine {
     virtual void distill(const StepRequest& request, const SplatParts* splats) = 0;
     /// Returns the statistics of the steps completed since the last call, including the count of gradients left out.
     virtual StepStats take_stats() = 0;
+    /// Waits for all steps, and returns the gradients of the cameras of those since the last call that were to gather
+    /// them, in the order of the steps. Steps whose loss was not finite have none.
+    virtual std::vector<ViewCameraGradient> take_camera_gradients() = 0;
 
     /// Begins to compute the loss of a view and the gradient sums of each splat. The sums are meaningless if the loss
     /// is not finite. Adds the gradient of the view's PPISP parameters to `isp_gradient` (PpispState::size()) if they
@@ -122,13 +125,14 @@ class StepEngine {
     /// projected splats and their gradient sums. Counts the step in either case. A device decides when it reaches this
     /// point and may still be busy when the function returns. From a step that has to be repeated onwards it skips all
     /// steps until take_back(). `num_gaussians` is the number of Gaussians of all ranks. Writes the engine's part of
-    /// the gradient of the shared weights, shared_row() values, which are meaningless if the step is not taken.
+    /// the gradients that all ranks share, shared_row() values, which are meaningless if the step is not taken: those
+    /// of the shared weights, and of the views' cameras if the step gathers them.
     virtual void update_rows(const DeviceArray<ViewReport>& reports, const std::vector<StepRequest>& views,
                              const std::vector<ProjectedView>& projected,
                              const std::vector<DeviceArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                              DeviceArray<float>& shared_gradient) = 0;
-    /// Updates the shared weights after update_rows(), on the same condition. `shared_gradients` (ranks, shared_row())
-    /// holds the gradients of all ranks, which are added up in rank order.
+    /// Updates the shared weights after update_rows(), on the same condition, and keeps the gradients of the cameras.
+    /// `shared_gradients` (ranks, shared_row()) holds the gradients of all ranks, which are added up in rank order.
     virtual void update_shared_weights(const std::vector<StepRequest>& views,
                                        const DeviceArray<float>& shared_gradients) = 0;
     /// Waits for the oldest unread decision, and returns the reports on which it was based. `ids` are the targets of

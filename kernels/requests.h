@@ -13,6 +13,7 @@
 
 #include "kernels/base/vec.h"
 #include "kernels/splat/camera.h"
+#include "kernels/splat/camera_gradient.h"
 #include "kernels/splat/raster_config.h"
 #include "kernels/splat/view_report.h"
 #include "kernels/state/gaussian_state.h"
@@ -114,6 +115,13 @@ struct StepRequest {
     /// Whether to add up the norm of the 2-D mean gradient for ADC, for Gaussians that touch a tile.
     bool gather_gradient_stats = false;
     bool only_visible = false;  ///< whether to defer updates of Gaussians that touch no tile (GaussianState::last_step)
+    bool gather_camera_gradient = false;  ///< whether to compute the gradient of the camera (take_camera_gradients)
+};
+
+/// The gradient of the loss of one view of a step, without regularisers, by its camera.
+struct ViewCameraGradient {
+    ImageId id;  ///< of the target
+    CameraGradient<double> gradient;
 };
 
 /// Returns the step on training view `view`. The memory it points to stays valid until the next call.

@@ -115,6 +115,8 @@ template <class Model> class CpuEngine : public Engine {
         return out;
     }
 
+    std::vector<ViewCameraGradient> take_camera_gradients() override { return std::exchange(camera_gradients_, {}); }
+
     void synchronize() override {}
 
     MemoryUse memory() override { return {}; }  // the operating system reports the process's memory
@@ -236,16 +238,17 @@ template <class Model> class CpuEngine : public Engine {
         keep_last_steps(views[0]);
         state_.step += std::int64_t(views.size());
         if (decision_ != StepDecision::kTake)
-            return shared_gradient.assign(std::vector<float>(shared_row(kNumSharedOf<Model>), 0.0f));
+            return shared_gradient.assign(std::vector<float>(row_of_step(views), 0.0f));
         const auto params = ParameterView<float>::of(state_);
         const int num_views = int(views.size()), width = state_[Group::kResidual].width;
         const float mean = 1 / float(num_views);
+        begin_cameras(views[0], views.size());
         const UpdateArgs args = update_args(views[0], state_.step, num_gaussians, num_views);
         update_all(views[0], args, [&](std::int64_t part, const ModelArrays& arrays) {
             std::vector<std::size_t> at(views.size()), end(views.size());  // not yet taken splats of the part's rows
             for (std::size_t v = 0; v < views.size(); ++v)
                 at[v] = part > 0 ? projected[v].part_ends[part - 1] : 0, end[v] = projected[v].part_ends[part];
-            return [&, arrays, at, end](std::int64_t i, Gradient& total, float* dL_dshared) mutable {
+            return [&, part, arrays, at, end](std::int64_t i, Gradient& total, float* dL_dshared) mutable {
                 total = {};
                 const int used = i < params.num_residuals ? width : 0;
                 bool finite = true;
@@ -253,12 +256,13 @@ template <class Model> class CpuEngine : public Engine {
                     if (at[v] == end[v] || projected[v].rows.data()[at[v]] != i) continue;
                     Gradient one{};
                     gaussian_backward<Model>(params, i, views[v].camera, params.degree(i, state_.active_degree),
-                                             sums[v].data()[at[v]++], static_cast<GaussianGradient<float>&>(one),
-                                             one.residual, dL_dshared);
+                                             sums[v].data()[at[v]++], views[v].gather_camera_gradient,
+                                             static_cast<GaussianGradient<float>&>(one), one.residual, dL_dshared);
                     if (drop_nonfinite(one, one.residual, used))
                         add_gradient_statistic(arrays, views[v].camera.width, views[v].camera.height, i, one);
                     else
                         finite = false;
+                    if (views[v].gather_camera_gradient) add_to_camera(part, v, one);
                     total.add(one, mean, used);
                 }
                 return finite;
@@ -266,16 +270,26 @@ template <class Model> class CpuEngine : public Engine {
         });
         std::vector<float> shared = sum_shared();
         for (float& gradient : shared) gradient *= mean;
-        shared.resize(shared_row(shared.size()));
+        for (std::size_t v = 0; views[0].gather_camera_gradient && v < views.size(); ++v)
+            sum_of_camera(v).for_each([&](int, double number) { shared.push_back(float(number)); });
+        shared.resize(row_of_step(views));
         shared_gradient.assign(shared);
     }
     void update_shared_weights(const std::vector<StepRequest>& views,
                                const DeviceArray<float>& shared_gradients) override {
         if (decision_ != StepDecision::kTake) return;
         std::vector<float> shared(kNumSharedOf<Model>);
-        if (const int row = int(shared_row(shared.size())); row > 0)
-            for (std::size_t k = 0; k < shared.size(); ++k)
-                shared[k] = sum_of_rows(shared_gradients.data(), int(shared_gradients.size()) / row, row, int(k));
+        const int row = int(row_of_step(views));
+        const auto sum = [&](std::size_t k) {
+            return sum_of_rows(shared_gradients.data(), int(shared_gradients.size()) / row, row, int(k));
+        };
+        for (std::size_t k = 0; k < shared.size(); ++k) shared[k] = sum(k);
+        for (std::size_t v = 0; views[0].gather_camera_gradient && v < views.size(); ++v) {
+            CameraGradient<double> camera;
+            const std::size_t first = shared.size() + v * CameraGradient<double>::kSize;
+            camera.for_each([&](int k, double& number) { number = sum(first + std::size_t(k)); });
+            camera_gradients_.push_back({views[v].target.id, camera});
+        }
         leave_out_common(step_shared(update_args(views[0], state_.step, 1, int(views.size())), shared));
     }
     /// Times stages in any step: reading the clock costs nothing on the CPU.
@@ -405,14 +419,17 @@ template <class Model> class CpuEngine : public Engine {
     void update(const StepRequest& r, const ParameterView<float>& params) {
         const int width = state_[Group::kResidual].width;
         const UpdateArgs args = update_args(r, state_.step, state_.count);
-        update_all(r, args, [&](std::int64_t, const ModelArrays& arrays) {
-            return [&, arrays](std::int64_t i, Gradient& gradient, float* dL_dshared) {
-                raster_.gaussian_gradient(params, i, gradient, dL_dshared);
+        begin_cameras(r, 1);
+        update_all(r, args, [&](std::int64_t part, const ModelArrays& arrays) {
+            return [&, part, arrays](std::int64_t i, Gradient& gradient, float* dL_dshared) {
+                raster_.gaussian_gradient(params, i, r.gather_camera_gradient, gradient, dL_dshared);
                 const bool finite = drop_nonfinite(gradient, gradient.residual, i < params.num_residuals ? width : 0);
                 if (finite) add_gradient_statistic(arrays, r.camera.width, r.camera.height, i, gradient);
+                if (r.gather_camera_gradient) add_to_camera(part, 0, gradient);
                 return finite;
             };
         });
+        if (r.gather_camera_gradient) camera_gradients_.push_back({r.target.id, sum_of_camera(0)});
         leave_out_common(step_shared(args, sum_shared()));
     }
 
@@ -457,6 +474,35 @@ template <class Model> class CpuEngine : public Engine {
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;
+    }
+
+    /// Prepares the sums of the gradients of the cameras of a step's views, if it gathers them.
+    void begin_cameras(const StepRequest& r, std::size_t num_views) {
+        if (r.gather_camera_gradient)
+            camera_sums_.assign(num_views * std::size_t(num_parts(state_.count)), CameraGradient<double>{});
+    }
+    /// Adds a Gaussian of a part of the rows to the gradient of the camera of view v.
+    void add_to_camera(std::int64_t part, std::size_t v, const Gradient& gradient) {
+        if (!gradient.visible) return;
+        float numbers[CameraGradient<float>::kSize];
+        gradient.of_camera().for_each([&](int k, float number) { numbers[k] = number; });
+        camera_sums_[v * std::size_t(num_parts(state_.count)) + std::size_t(part)].for_each(
+            [&](int k, double& sum) { sum += numbers[k]; });
+    }
+    /// Returns the gradient of the camera of view v after update_all.
+    CameraGradient<double> sum_of_camera(std::size_t v) {
+        CameraGradient<double> sum{};
+        const std::size_t parts = std::size_t(num_parts(state_.count));
+        for (std::size_t part = 0; part < parts; ++part) {
+            double numbers[CameraGradient<double>::kSize];
+            camera_sums_[v * parts + part].for_each([&](int k, double number) { numbers[k] = number; });
+            sum.for_each([&](int k, double& number) { number += numbers[k]; });
+        }
+        return sum;
+    }
+    /// Returns the length of a rank's row of gradients that all ranks share.
+    static std::size_t row_of_step(const std::vector<StepRequest>& views) {
+        return shared_row(kNumSharedOf<Model>, views[0].gather_camera_gradient ? views.size() : 0);
     }
 
     /// Returns the gradient of the shared weights after update_all.
@@ -506,8 +552,10 @@ template <class Model> class CpuEngine : public Engine {
     ImageLoss<float> loss_;
     ViewCorrection correction_;
     std::vector<float> image_, transmittance_, dL_dimage_;
-    std::vector<float> corrected_;   ///< image_ after PPISP, if PPISP is active
-    std::vector<float> dL_dshared_;  ///< (parts, shared weights), so that the sum has a fixed order
+    std::vector<float> corrected_;                     ///< image_ after PPISP, if PPISP is active
+    std::vector<float> dL_dshared_;                    ///< (parts, shared weights), so that the sum has a fixed order
+    std::vector<CameraGradient<double>> camera_sums_;  ///< (views, parts) of a step that gathers them
+    std::vector<ViewCameraGradient> camera_gradients_;
     std::vector<std::int64_t> nonfinite_;
     StepStats stats_;
     struct {

@@ -170,13 +170,13 @@ template <class Real, class Model> class CpuRasterizer {
     /// Returns whether Gaussian i touches a tile in the last forward().
     bool is_visible(std::int64_t i) const { return bins_.count[i] > 0; }
 
-    /// Computes the gradients of Gaussian i, and adds its gradients of the shared weights. `params` must be the same as
-    /// in forward(). Thread-safe.
-    void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out,
+    /// Computes the gradients of Gaussian i, and its part of the camera's if `with_camera` is set, and adds its
+    /// gradients of the shared weights. `params` must be the same as in forward(). Thread-safe.
+    void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, bool with_camera, FullGradient& out,
                            Real* dL_dshared) const {
         out = {};
         if (!is_visible(i)) return;
-        gaussian_backward<Model>(params, i, camera_, params.degree(i, degree_), sums(i),
+        gaussian_backward<Model>(params, i, camera_, params.degree(i, degree_), sums(i), with_camera,
                                  static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
     }
 

@@ -32,8 +32,10 @@ std::uint32_t bits_of(float x) {
 }
 
 __global__ void __launch_bounds__(kLossSumThreads)
-    report_step(const StepControl* control, CudaLossSums sums, StepStatus* status) {
+    report_step(const StepControl* control, CudaLossSums sums, const float* of_camera, StepStatus* status) {
     const double2 loss = add_up(sums);
+    if (of_camera && threadIdx.x < CameraGradient<float>::kSize)
+        status->of_camera[threadIdx.x] = of_camera[threadIdx.x];
     if (threadIdx.x > 0) return;
     status->num_instances = control->num_instances;
     status->num_pairs = control->num_pairs;
@@ -366,6 +368,7 @@ PreprocessArgs CudaEngine::preprocess_args(const CameraParams<float>& camera, Re
             {},
             {},
             nullptr,
+            nullptr,
             nullptr};
 }
 
@@ -490,7 +493,7 @@ CudaBins CudaEngine::forward_whole(const RenderRequest& r, bool for_backward) {
 }
 
 void CudaEngine::report_to(int slot, const CudaLossSums& loss) {
-    report_step<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss, statuses_ + slot);
+    report_step<<<1, kLossSumThreads, 0, stream_>>>(control_.get(), loss, of_camera_.get(), statuses_ + slot);
     GS_CUDA_LAUNCHED("report_step");
 }
 
@@ -612,6 +615,10 @@ void CudaEngine::launch(Step s, const TargetImage& target) {
 void CudaEngine::enqueue(const Step& s) {
     lay_out_view(s.request.camera, model_.count, true);
     const ModelArrays arrays = s.adam_step && model_.count > 0 ? arrays_of_step(s.request) : ModelArrays{};
+    if (s.request.gather_camera_gradient) {
+        camera_sums_.reserve(model_.count, 1);
+        of_camera_.reserve(CameraGradient<float>::kSize);
+    }
     step_graph_.run(stream_, [&] { enqueue_kernels(s, arrays); });
     GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
 }
@@ -620,6 +627,7 @@ void CudaEngine::enqueue_kernels(const Step& s, const ModelArrays& arrays) {
     const StepRequest& r = s.request;
     StepControl* control = control_.get();
     PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
+    if (r.gather_camera_gradient) args.camera_rows = camera_sums_.rows();
     const CudaBins bins = enqueue_forward(args, r.background, true, forecast_.most(s.view));
     enqueue_loss(r, s.target);
     if (s.isp_step) ppisp_.step_parameters(r.rates.isp, s.isp_step, control, stream_);
@@ -677,6 +685,7 @@ void CudaEngine::enqueue_gaussians(const Step& s, const PreprocessArgs& args, co
     times_.end(CudaStage::kBlendBackward, stream_);
     if (n > 0)
         kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
+    if (r.gather_camera_gradient) camera_sums_.add_up(n, 1, of_camera_.get(), stream_);
     times_.end(CudaStage::kUpdate, stream_);
 }
 
@@ -711,6 +720,11 @@ void CudaEngine::finish_oldest() {
     adapt_room(std::int64_t(status.num_instances));
     note_loss(status, s.request.loss, s.target.weight_sum);
     stats_.num_nonfinite_gradients += status.num_nonfinite;
+    if (s.request.gather_camera_gradient && std::isfinite(stats_.loss)) {
+        CameraGradient<double> gradient{};
+        gradient.for_each([&](int k, double& number) { number = status.of_camera[k]; });
+        camera_gradients_.push_back({s.view, gradient});
+    }
     if (times_.pass)
         times_.count(double(model_.count), status.num_visible,
                      s.request.only_visible ? double(status.num_visible) : double(model_.count),
@@ -754,6 +768,12 @@ StepStats CudaEngine::take_stats() {
     return out;
 }
 
+std::vector<ViewCameraGradient> CudaEngine::take_camera_gradients() {
+    synchronize();
+    collect_camera_gradients();
+    return std::exchange(camera_gradients_, {});
+}
+
 std::vector<StageCost> CudaEngine::measure_stages(std::optional<int> pass) {
     synchronize();
     const bool continues = std::exchange(times_.pass, pass) && pass && *pass > 0;
@@ -779,6 +799,8 @@ MemoryUse CudaEngine::memory() {
                 {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
     if (ppisp_.host().active())
         use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
+    if (camera_sums_.bytes() > 0)
+        use.rows.push_back({"gradients of cameras", camera_sums_.bytes(), "Gaussian", double(model_.count)});
     if (lens_rays_.get())
         use.rows.push_back({"shapes and rays of a lens", lens_shape_room_.bytes() + lens_rays_.bytes(), "Gaussian",
                             double(model_.count)});

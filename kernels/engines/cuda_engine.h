@@ -31,6 +31,7 @@ struct StepStatus {
     unsigned long long num_instances, num_pairs;
     double l1_sum, ssim_sum;  ///< over pixels and channels
     unsigned num_visible, num_nonfinite, stopped;
+    float of_camera[CameraGradient<float>::kSize];  ///< of the last step that gathered it
 };
 
 /// The engine of one model on the current device.
@@ -60,6 +61,7 @@ class CudaEngine final : public Engine {
     void step(const StepRequest& request) override;
     void distill(const StepRequest& request, const SplatParts* splats) override;
     StepStats take_stats() override;
+    std::vector<ViewCameraGradient> take_camera_gradients() override;
     std::vector<StageCost> measure_stages(std::optional<int> pass) override;
 
     // cuda_engine_splats.cu
@@ -89,6 +91,8 @@ class CudaEngine final : public Engine {
     /// Largest number of steps with unread status. With three, the device is never idle while the host prepares the
     /// next.
     static constexpr int kInFlight = 3;
+    /// Room for the gradients of cameras of steps on splats until the host collects them.
+    static constexpr std::size_t kMostCameraGradients = 1024;
 
     struct Step {
         StepRequest request;  ///< its target holds no pointers; `target` does
@@ -161,6 +165,8 @@ class CudaEngine final : public Engine {
     /// Computes the sums of the view's `n` splats from dL_dimage_. With a fixed order, sums of splats without an
     /// instance are undefined.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
+    /// Waits, and moves the gradients of the cameras of steps on splats to camera_gradients_.
+    void collect_camera_gradients();
     /// Decides on a step on the device, from the reports on its views.
     void decide(const DeviceArray<ViewReport>& reports);
     /// Returns the reports of the oldest unread decision.
@@ -237,6 +243,9 @@ class CudaEngine final : public Engine {
     CudaBinning binning_;
     CudaBlend blend_;
     CudaLoss loss_;
+    CudaCameraSums camera_sums_;
+    DeviceBuffer<float> of_camera_;  ///< (kSize) gradient of the camera of a step on one view
+    std::vector<ViewCameraGradient> camera_gradients_;
 
     /// State used only in training over several ranks (cuda_engine_splats.cu).
     struct {
@@ -255,6 +264,8 @@ class CudaEngine final : public Engine {
         /// and that decision is one of the last two.
         std::vector<SplatsOfView> host_views[kInFlight];
         int next_views = 0;
+        DeviceBuffer<float> of_cameras;       ///< (kMostCameraGradients, kSize), NaN for steps that were not taken
+        std::vector<ImageId> ids_of_cameras;  ///< of these gradients
         DeviceBuffer<unsigned> left_out;      ///< since take_stats(): Gaussians' gradients, shared weights' gradients
         std::int64_t num_gaussians = 0;       ///< number on all ranks, in the last step
         bool is_updating = false;             ///< whether the device may still be busy with a step

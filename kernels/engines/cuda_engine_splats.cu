@@ -33,6 +33,14 @@ __global__ void __launch_bounds__(kSharedBlock)
     if (!update_shared(param[k], m[k], v[k], gradient, step, gains)) atomicAdd(left_out, 1u);
 }
 
+/// Adds up the gradients of cameras of all ranks (num_ranks, row), `n` values from `first` on, or writes NaN if the
+/// step is not taken.
+__global__ void keep_cameras(const float* __restrict__ gradients, int num_ranks, int row, int first, int n,
+                             const StepDecision* __restrict__ decision, float* __restrict__ out) {
+    const int k = blockIdx.x * kSharedBlock + threadIdx.x;
+    if (k < n) out[k] = *decision == StepDecision::kTake ? sum_of_rows(gradients, num_ranks, row, first + k) : NAN;
+}
+
 /// Adds the loss of a view to the report on it.
 __global__ void __launch_bounds__(kLossSumThreads)
     report_view(const StepControl* __restrict__ control, CudaLossSums sums, LossWeights weights, double weight_sum,
@@ -320,10 +328,10 @@ void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::
     lazy_.reset(meta_.step);  // no residual is ever stale
     const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
     const int num_shared = kernels_.shared.count, num_views = int(views.size());
-    if (num_shared > 0) {
-        const std::size_t row = shared_row(std::size_t(num_shared));
-        GS_CUDA(cudaMemsetAsync(shared_gradient.resize(row), 0, row * sizeof(float), stream_));
-    }
+    const bool with_cameras = views[0].gather_camera_gradient;
+    const std::size_t row = shared_row(std::size_t(num_shared), with_cameras ? views.size() : 0);
+    float* const gradients = shared_gradient.resize(row);
+    if (row > 0) GS_CUDA(cudaMemsetAsync(gradients, 0, row * sizeof(float), stream_));
     if (!wire_.left_out.get()) GS_CUDA(cudaMemsetAsync(wire_.left_out.reserve(2), 0, 2 * sizeof(unsigned), stream_));
     if (n == 0) return;
     // The layout ends before the sums that lie in the scratch block (room_for_splats).
@@ -337,6 +345,10 @@ void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::
     device_stream_.copy(on_device, step_views.data(), step_views.size() * sizeof(SplatsOfView));
     PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
     args.shared = {model_.shared_prepared.get(), shared_sums_};
+    if (with_cameras) {
+        camera_sums_.reserve(n, num_views);
+        args.camera_rows = camera_sums_.rows();
+    }
     kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0]),
                            update_args(views[0], meta_.step, num_gaussians, num_views), std::uint32_t(meta_.step),
                            wire_.decision.get(), wire_.left_out.get(), stream_);
@@ -344,21 +356,46 @@ void CudaEngine::update_rows(const DeviceArray<ViewReport>& reports, const std::
     // If no residual is shown, the weights have no gradient. If the step is not taken, the rows are not written, and
     // their sum is not used.
     if (num_shared > 0 && num_residuals > 0)
-        sum_rows(shared_sums_, int(num_blocks(n, kernels_.shared.gaussians_per_sum)), num_shared,
-                 shared_gradient.data(), stream_);
+        sum_rows(shared_sums_, int(num_blocks(n, kernels_.shared.gaussians_per_sum)), num_shared, gradients, stream_);
+    if (with_cameras) camera_sums_.add_up(n, num_views, gradients + num_shared, stream_);
 }
 
 void CudaEngine::update_shared_weights(const std::vector<StepRequest>& views,
                                        const DeviceArray<float>& shared_gradients) {
-    const int n = kernels_.shared.count;
+    const int n = kernels_.shared.count, num_cameras = views[0].gather_camera_gradient ? int(views.size()) : 0;
+    const int row = int(shared_row(std::size_t(n), std::size_t(num_cameras)));
+    if (row == 0) return;
+    const int num_ranks = int(shared_gradients.size()) / row;
+    if (num_cameras > 0) {
+        constexpr int kSize = CameraGradient<float>::kSize;
+        if (wire_.ids_of_cameras.size() + std::size_t(num_cameras) > kMostCameraGradients) collect_camera_gradients();
+        float* const out = wire_.of_cameras.reserve(kMostCameraGradients * kSize) + wire_.ids_of_cameras.size() * kSize;
+        for (const StepRequest& view : views) wire_.ids_of_cameras.push_back(view.target.id);
+        keep_cameras<<<num_blocks(num_cameras * kSize, kSharedBlock), kSharedBlock, 0, stream_>>>(
+            shared_gradients.data(), num_ranks, row, n, num_cameras * kSize, wire_.decision.get(), out);
+        GS_CUDA_LAUNCHED("keep_cameras");
+    }
     if (n == 0) return;
     const UpdateArgs args = update_args(views[0], meta_.step, 1, int(views.size()));
-    const int row = int(shared_row(std::size_t(n))), num_ranks = int(shared_gradients.size()) / row;
     step_shared_weights<<<num_blocks(n, kSharedBlock), kSharedBlock, 0, stream_>>>(
         shared_gradients.data(), num_ranks, row, n, model_.shared_param.get(), model_.shared_m.get(),
         model_.shared_v.get(), args.shared_step, args.shared_gains, wire_.decision.get(), wire_.left_out.get() + 1);
     GS_CUDA_LAUNCHED("step_shared_weights");
     kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
+}
+
+void CudaEngine::collect_camera_gradients() {
+    constexpr std::size_t kSize = CameraGradient<float>::kSize;
+    std::vector<float> numbers(wire_.ids_of_cameras.size() * kSize);
+    if (numbers.empty()) return;
+    device_stream_.copy(numbers.data(), wire_.of_cameras.get(), numbers.size() * sizeof(float));
+    device_stream_.wait();
+    for (std::size_t k = 0; k < wire_.ids_of_cameras.size(); ++k) {
+        CameraGradient<double> gradient{};
+        gradient.for_each([&](int j, double& number) { number = numbers[k * kSize + std::size_t(j)]; });
+        if (std::isfinite(gradient.position.x)) camera_gradients_.push_back({wire_.ids_of_cameras[k], gradient});
+    }
+    wire_.ids_of_cameras.clear();
 }
 
 }  // namespace gs

@@ -450,15 +450,17 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         if (visible) {
             const SplatSums<float> s = sums[i].sums();
             if (!(kFused && shown)) color_gradient(a, i, residual, s, gradient.base);
-            geometry_backward(a.params.geometry(i), a.camera, s, gradient);
+            geometry_backward(a.params.geometry(i), a.camera, s, a.camera_rows != nullptr, gradient);
             gradient.geometry.mean += dL_dmean;
             if (drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
                 add_gradient_statistic(arrays, update.width, update.height, i, gradient);
             else
                 atomicAdd(&control->num_nonfinite, 1u);
         }
-        update_gaussian_of_warp(a, arrays, update, i, turns, gradient);
     }
+    if (a.camera_rows && i - lane < a.params.count)
+        store_camera_sum(gradient, 1, a.camera_rows + i / 32 * CameraGradient<float>::kSize);
+    if (valid) update_gaussian_of_warp(a, arrays, update, i, turns, gradient);
     if (rows)
         update_residuals_of_warp<Model>(rows, arrays.last_step ? seen : rows, stale, space, gradients, i - lane,
                                         mix_bits(a.lazy.step), arrays, update, column_steps);
@@ -475,7 +477,7 @@ template <class Model> constexpr int views_blocks_at_once() { return kNumSharedO
 /// kTake. No residual is stale. Adds each view to the statistic of ADC. Leaves out gradients that are not finite: for
 /// one view the gradients of geometry and colour, or the whole Gaussian if the sum over the views is not finite. Adds
 /// the number of Gaussians with such gradients to *num_nonfinite. The sums of the shared weights' gradients are over
-/// all views.
+/// all views, those of a camera's gradient of its view alone.
 template <class Model>
 __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Model>())
     step_on_views(PreprocessArgs a, const SplatsOfView* __restrict__ views, int num_views, ModelArrays arrays,
@@ -511,6 +513,9 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
         for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         space.memory.end(a, i - lane, 0);
     }
+    const auto camera_row = [&](int v) {
+        return a.camera_rows + (v * num_camera_rows(a.params.count) + group) * CameraGradient<float>::kSize;
+    };
     GaussianGradient<float> mean{};
     for (int v = 0; v < views_of_warp; ++v) {
         const SplatsOfView& view = views[v];
@@ -529,7 +534,7 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
         if (visible) {
             const SplatSums<float> s = sums();
             if (!shown) color_gradient(a, i, {0, 0, 0}, s, gradient.base);
-            geometry_backward(a.params.geometry(i), view.camera, s, gradient);
+            geometry_backward(a.params.geometry(i), view.camera, s, a.camera_rows != nullptr, gradient);
             gradient.geometry.mean += dL_dmean;
             if (drop_nonfinite(gradient, nullptr, 0))
                 add_gradient_statistic(arrays, num_views * view.camera.width, num_views * view.camera.height, i,
@@ -538,7 +543,10 @@ __global__ void __launch_bounds__(views_block<Model>(), views_blocks_at_once<Mod
                 finite = false;
             mean.add(gradient, 1.0f);
         }
+        if (a.camera_rows) store_camera_sum(gradient, float(num_views), camera_row(v));
     }
+    for (int v = views_of_warp; a.camera_rows && v < num_views && i - lane < a.params.count; ++v)
+        store_camera_sum({}, 0, camera_row(v));
     __syncwarp();
     if (!drop_nonfinite(mean, gradients + lane * width, owns && moves ? width : 0)) finite = false;
     if (!finite) atomicAdd(num_nonfinite, 1u);

@@ -11,6 +11,7 @@
 #include "kernels/optimizer/update_device.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/binning_cuda.h"
+#include "kernels/splat/camera_sums_cuda.h"
 #include "kernels/splat/view_report.h"
 #include "kernels/splat/wire_splat.h"
 
@@ -42,6 +43,7 @@ struct PreprocessArgs {
     SeparateArgs separate;
     const __half* half_residuals;  ///< residual parameters for frames; null: use `params`
     PackedLensShape* lens_shapes;  ///< (n), written through a lens; else null
+    float* camera_rows;            ///< sums of the gradients of the cameras (CudaCameraSums); null: not gathered
 };
 
 /// A view of a step on several views. Its sums may come from another rank. The pointers are on the device.

@@ -118,11 +118,11 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;
 }
 
-/// Computes the gradients of one Gaussian's geometry from its sums over pixels. `out` must be zeroed; it stays zero for
-/// a culled Gaussian.
+/// Computes the gradients of one Gaussian's geometry from its sums over pixels, and its part of the camera's if
+/// `with_camera` is set. `out` must be zeroed; it stays zero for a culled Gaussian.
 template <class Real>
 GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera,
-                             const SplatSums<Real>& sums, GaussianGradient<Real>& out) {
+                             const SplatSums<Real>& sums, bool with_camera, GaussianGradient<Real>& out) {
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return;
     out.visible = true;
@@ -130,16 +130,16 @@ GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams
     set_shape(splat, p, g);
     const SplatGradient<Real> d = splat_gradient(splat, sums);
     out.mean2d = mean_on_screen_backward(camera, p, d.mean);
-    out.geometry = project_backward(g, camera, p, splat.opacity, d);
+    out.geometry = project_backward(g, camera, p, splat.opacity, d, with_camera);
 }
 
-/// Computes all gradients of Gaussian i, which must be visible. `out` and `dL_dresidual` (of the model's width) must be
-/// zeroed. Adds to `dL_dshared`.
+/// Computes all gradients of Gaussian i, which must be visible, and its part of the camera's if `with_camera` is set.
+/// `out` and `dL_dresidual` (of the model's width) must be zeroed. Adds to `dL_dshared`.
 template <class Model, class Real>
 GS_HD void gaussian_backward(const ParameterView<Real>& params, std::int64_t i, const CameraParams<Real>& camera,
-                             int degree, const SplatSums<Real>& sums, GaussianGradient<Real>& out, Real* dL_dresidual,
-                             Real* dL_dshared) {
-    geometry_backward(params.geometry(i), camera, sums, out);
+                             int degree, const SplatSums<Real>& sums, bool with_camera, GaussianGradient<Real>& out,
+                             Real* dL_dresidual, Real* dL_dshared) {
+    geometry_backward(params.geometry(i), camera, sums, with_camera, out);
     const ViewDirection<Real> direction = params.direction(i, camera.position);
     const Vec3<Real> residual = model_residual<Model>(params.shared, params.residual(i), direction.unit, degree);
     out.base = color_backward(params.activation, params.base(i), residual, {sums.r, sums.g, sums.b});

@@ -73,11 +73,12 @@ template <class Object, auto... kFunctions> class CallTable {
 };
 
 /// All functions that the ranks run together.
-using Calls = CallTable<Shard, &Shard::upload, &Shard::upload_ppisp, &Shard::download, &Shard::set_active_degree,
-                        &Shard::update_smoothing, &Shard::render, &Shard::step, &Shard::finish_steps,
-                        &Shard::take_nonfinite, &Shard::distill, &Shard::half_squared_error, &Shard::scores,
-                        &Shard::residual_scores, &Shard::densify, &Shard::prune_nonfinite, &Shard::prune_invisible,
-                        &Shard::keep_rows, &Shard::morton_sort, &Shard::take_reports, &Shard::measure_connection>;
+using Calls =
+    CallTable<Shard, &Shard::upload, &Shard::upload_ppisp, &Shard::download, &Shard::set_active_degree,
+              &Shard::update_smoothing, &Shard::render, &Shard::step, &Shard::finish_steps, &Shard::take_nonfinite,
+              &Shard::take_camera_gradients, &Shard::distill, &Shard::half_squared_error, &Shard::scores,
+              &Shard::residual_scores, &Shard::densify, &Shard::prune_nonfinite, &Shard::prune_invisible,
+              &Shard::keep_rows, &Shard::morton_sort, &Shard::take_reports, &Shard::measure_connection>;
 constexpr std::uint32_t kStep = Calls::number<&Shard::step>(), kEnd = 0xffffffff;
 
 /// Largest ratio of a rank's number of Gaussians to the mean before all are dealt anew. Fair samples of one model stay
@@ -267,6 +268,11 @@ StepStats Backend::take_stats() {
     stats.steps = 0;
     stats.num_nonfinite_gradients = 0;
     return out;
+}
+
+std::vector<ViewCameraGradient> Backend::take_camera_gradients() {
+    finish_steps();
+    return alone_ ? engine_->take_camera_gradients() : on_all<&Shard::take_camera_gradients>();
 }
 
 void Backend::synchronize() {

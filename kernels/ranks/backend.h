@@ -67,6 +67,10 @@ class Backend {
     /// `synchronize` was called. With several ranks the gradients left out are counted only after `synchronize`. Throws
     /// DeviceError once a rank is lost.
     StepStats take_stats();
+    /// Waits for all steps, and returns the gradients of the cameras of those since the last call that were to gather
+    /// them, in the order of the steps (StepRequest::gather_camera_gradient). Steps whose loss was not finite have
+    /// none.
+    std::vector<ViewCameraGradient> take_camera_gradients();
     /// Waits until all steps are done.
     void synchronize();
 

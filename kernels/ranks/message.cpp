@@ -35,7 +35,8 @@ template <class Request, class Field> void visit_step(Request& r, Field&& field)
     field(r.camera), field(r.background);
     field(r.target.width), field(r.target.height), field(r.target.channels), field(r.target.id);
     field(r.isp), field(r.iteration), field(r.seed), field(r.loss), field(r.gather_gradient_stats);
-    field(r.only_visible), field(r.rates.groups), field(r.rates.residuals), field(r.rates.shared), field(r.rates.isp);
+    field(r.only_visible), field(r.gather_camera_gradient), field(r.rates.groups), field(r.rates.residuals),
+        field(r.rates.shared), field(r.rates.isp);
     field(r.rates.noise), field(r.rates.center), field(r.rates.extent), field(r.rates.far);
 }
 

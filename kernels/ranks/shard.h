@@ -109,6 +109,8 @@ class Shard {
     /// Returns the number of gradients left out since the last call: of the Gaussians of all ranks, and of the
     /// parameters common to all ranks.
     std::int64_t take_nonfinite();
+    /// Returns the gradients of the cameras of the steps since the last call, on every rank.
+    std::vector<ViewCameraGradient> take_camera_gradients() { return engine_.take_camera_gradients(); }
     /// Trains a controller on rank 0.
     void distill(const StepRequest& request);
     /// Returns half the squared error of a view; 0 on other ranks.

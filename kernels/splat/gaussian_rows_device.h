@@ -63,7 +63,15 @@ template <class Real> struct GaussianGradient {
     Vec3<Real> base;
     Vec2<Real> mean2d;  ///< gradient of the mean in pixels, for the densification statistic
 
-    /// Adds the gradient of another view times `share`. mean2d belongs to one view, and is left unchanged.
+    /// Returns the Gaussian's part of the gradient of the camera.
+    GS_HD CameraGradient<Real> of_camera() const {
+        CameraGradient<Real> out = geometry.camera;
+        out.position = geometry.mean * Real(-1);  // all that a view shows depends on the mean minus the position
+        return out;
+    }
+
+    /// Adds the gradient of another view times `share`. mean2d and the camera's gradient belong to one view, and are
+    /// left unchanged.
     GS_HD void add(const GaussianGradient& other, Real share) {
         visible |= other.visible;
         const auto& o = other.geometry;

@@ -8,6 +8,7 @@
 #include "kernels/base/error.h"
 #include "kernels/base/parallel.h"
 #include "kernels/splat/camera.h"
+#include "kernels/splat/camera_gradient.h"
 #include "kernels/splat/wire_splat.h"
 
 namespace gs {
@@ -56,8 +57,10 @@ struct ResidualSplatSums {
     Vec3<float> gradient;  ///< gradient of half the squared error by the colour
 };
 
-/// Returns the padded length of a rank's gradient of `num_weights` shared weights: arrays sent between ranks begin at
-/// multiples of 16 bytes.
-constexpr std::size_t shared_row(std::size_t num_weights) { return (num_weights + 3) / 4 * 4; }
+/// Returns the padded length of a rank's gradients of `num_weights` shared weights and of `num_cameras` cameras: arrays
+/// sent between ranks begin at multiples of 16 bytes.
+constexpr std::size_t shared_row(std::size_t num_weights, std::size_t num_cameras = 0) {
+    return (num_weights + num_cameras * CameraGradient<float>::kSize + 3) / 4 * 4;
+}
 
 }  // namespace gs

@@ -5,6 +5,7 @@
 
 #include "kernels/base/lanes.h"
 #include "kernels/splat/camera.h"
+#include "kernels/splat/camera_gradient.h"
 #include "kernels/splat/raster_config.h"
 #include "kernels/splat/splat_device.h"
 
@@ -387,11 +388,12 @@ template <class P, class T> GS_HD P min_power_in_rectangle(const Splat<T>& s, P 
     return lane_max(out_x, out_y) * (half * (ax * fx * fx + cx * fy * fy) + bx * fx * fy);
 }
 
-/// The gradients of the raw geometry.
+/// The gradients of the raw geometry, and its part of the camera's.
 template <class T> struct GeometryGradient {
     Vec3<T> mean, log_scale;
     Vec4<T> rotation;
     T raw_opacity;
+    CameraGradient<T> camera;  ///< 0 if it was not requested; without the position, whose gradient is -mean
 };
 
 /// Returns the gradient of the mean from those of the image point, dm, and of the rows of J W, g1 and g2. `rotation` is
@@ -442,10 +444,51 @@ GS_HD Vec2<T> mean_on_screen_backward(const CameraParams<T>& cam, const Projecti
     return {(g.yy * dm.x - g.yx * dm.y) * inverse, (g.xx * dm.y - g.xy * dm.x) * inverse};
 }
 
+/// Returns a Gaussian's part of the gradient of the camera, except by its position
+/// (docs/math/rasterizer.md#camera-gradient). `offset` is the mean relative to the camera's centre, and d_offset the
+/// gradient of the offset, both in world axes; dm the gradient of the point on the face, without the dilation's part;
+/// g1 and g2 those of the rows a1 and a2.
+template <class T>
+GS_HD CameraGradient<T> camera_backward(const CameraParams<T>& cam, const Projection<T>& p, const Vec3<T>& offset,
+                                        const Vec3<T>& d_offset, const Vec2<T>& dm, const Vec3<T>& g1,
+                                        const Vec3<T>& g2) {
+    CameraGradient<T> out{};
+    out.rotation = cross(offset, d_offset) + cross(g1, p.a1) + cross(g2, p.a2);
+    const Vec2<T> on_screen = mean_on_screen_backward(cam, p, dm);
+    out.cx = on_screen.x, out.cy = on_screen.y;
+    // The rows change among themselves by H = G^-1 dG, where G is the Jacobian of the image point by the point of the
+    // face: by sum_ij H_ij n_ji.
+    const T n11 = dot(p.a1, g1), n22 = dot(p.a2, g2);
+    if (cam.lens.is_pinhole()) {
+        out.fx = p.u * dm.x + n11 / cam.fx;
+        out.fy = p.v * dm.y + n22 / cam.fy;
+        // Beyond the edge of the image the clip of u and v moves with it.
+        if (p.uc != p.u) {
+            const T d_uc = p.j11 * dot(cam.rotation.r2, g1) / cam.fx;
+            out.fx = out.fx + p.uc * d_uc, out.cx = out.cx + d_uc;
+        }
+        if (p.vc != p.v) {
+            const T d_vc = p.j22 * dot(cam.rotation.r2, g2) / cam.fy;
+            out.fy = out.fy + p.vc * d_vc, out.cy = out.cy + d_vc;
+        }
+        return out;
+    }
+    const T n12 = dot(p.a1, g2), n21 = dot(p.a2, g1);
+    const FaceJacobian<T> g(cam, p.at);
+    const T inverse = T(1) / g.det();
+    const T on_x = ((g.xx * n11 + g.xy * n21) * g.yy - (g.xx * n12 + g.xy * n22) * g.yx) * inverse,
+            on_y = ((g.yx * n12 + g.yy * n22) * g.xx - (g.yx * n11 + g.yy * n21) * g.xy) * inverse;
+    out.fx = on_screen.x * p.at.x.value + on_x / cam.fx;
+    out.fy = on_screen.y * p.at.y.value + on_y / cam.fy;
+    return out;
+}
+
 /// Computes steps 1 and 3 to 9 of the backward pass: all steps except the colour. `opacity` is that on screen.
+/// Also computes the gradient of the camera if `with_camera` is set.
 template <class T>
 GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const CameraParams<T>& cam,
-                                           const Projection<T>& p, T opacity, const SplatGradient<T>& d) {
+                                           const Projection<T>& p, T opacity, const SplatGradient<T>& d,
+                                           bool with_camera) {
     GeometryGradient<T> out;
     const T dL_dlog_opacity = d.opacity * opacity;
     out.raw_opacity = dL_dlog_opacity * (T(1) - (g.antialiased ? sigmoid(g.raw_opacity) : opacity));
@@ -489,6 +532,8 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
         }
         out.mean = mean_backward(face_rotation(cam.rotation, p.face), p, dm, g1 * k_inclination, g2 * k_inclination);
     }
+    out.camera =
+        with_camera ? camera_backward(cam, p, g.mean - cam.position, out.mean, d.mean, g1, g2) : CameraGradient<T>{};
 
     // Scales: dL/dvar_k = r_k^T G3 r_k with r_k the k-th column of R. Rotation matrix: 2 G3 R diag(var).
     const Mat3<T>& r = p.rotation;

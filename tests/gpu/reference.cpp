@@ -441,7 +441,7 @@ template <class Model> class Sample {
         GaussianGradient<Noisy> g{};
         Noisy residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1] = {};
         if (scene_.visible[i])
-            gaussian_backward<Model>(scene_.view(), i, scene_.camera, scene_.degree, sums, g, residual,
+            gaussian_backward<Model>(scene_.view(), i, scene_.camera, scene_.degree, sums, false, g, residual,
                                      static_cast<Noisy*>(nullptr));
         const Noisy opacity = sigmoid(Noisy(model[Group::kOpacity].param[i])), n{double(model.count)};
         g.geometry.raw_opacity =
@@ -494,7 +494,7 @@ template <class Model> StepReference double_step(const Gaussians& model, const S
                 double(r.loss.scale_reg) / (3 * n) *
                 std::exp(std::min(d[Group::kScale].param[3 * i + k], kMaxLogScale));
         typename CpuRasterizer<double, Model>::FullGradient g;
-        pipe.raster.gaussian_gradient(view, i, g, ignored.data());
+        pipe.raster.gaussian_gradient(view, i, false, g, ignored.data());
         out.statistic.push_back({std::hypot(0.5 * r.camera.width * g.mean2d.x, 0.5 * r.camera.height * g.mean2d.y), 0});
     }
     for (int k = 0; k < kNumGroups; ++k)

@@ -63,6 +63,7 @@ class ForwardingEngine : public Engine {
     void step(const StepRequest& request) override { inner_->step(request); }
     void distill(const StepRequest& request, const SplatParts* splats) override { inner_->distill(request, splats); }
     StepStats take_stats() override { return inner_->take_stats(); }
+    std::vector<ViewCameraGradient> take_camera_gradients() override { return inner_->take_camera_gradients(); }
     void loss_of_splats(const StepRequest& request, const SplatParts& splats, const SumParts<SplatSums<float>>& sums,
                         std::vector<float>& isp_gradient, ViewReport* report) override {
         inner_->loss_of_splats(request, splats, sums, isp_gradient, report);

@@ -278,7 +278,21 @@ TEST(LensGradient, MatchesFiniteDifferencesForEveryModelOfLens) {
                                     random_weights(3 * 36 * 28, 8));
         check.run<appearance::None>(antialiased(gaussians_before(test, camera, 3)), pinholes, {0.2, 0.7, 0.4},
                                     random_weights(3 * 36 * 28, 8));
-        std::printf("%s: worst relative error %.2e\n", test.name, check.worst);
+        std::printf("%s: worst relative error %.2e, of the pose %.2e\n", test.name, check.worst, check.worst_of_camera);
+    }
+}
+
+TEST(LensGradient, OfFocalLengthAndPrincipalPointMatchesForSmallSplats) {
+    for (const TestLens& test : test_lenses()) {
+        SCOPED_TRACE(test.name);
+        const CameraParams<double> camera = lens_camera(test, 360, 280);
+        GaussianState<double> s = gaussians_before(test, camera, 5);
+        for (double& x : s[Group::kScale].param) x -= 2.5;
+        GradientCheck check;
+        check.only_camera = true, check.tolerance = 1e-5, check.lens_tolerance = 0.03;
+        check.run<appearance::None>(s, camera, {0.2, 0.7, 0.4},
+                                    random_weights(std::size_t(3 * camera.width * camera.height), 8));
+        std::printf("%s: error of the camera's gradient %.2e\n", test.name, check.worst_of_camera);
     }
 }
 

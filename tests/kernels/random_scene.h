@@ -22,6 +22,20 @@ inline CameraParams<double> test_camera(int width, int height) {
     return c;
 }
 
+/// Returns the camera with number k of CameraGradient moved by h.
+inline CameraParams<double> moved_camera(CameraParams<double> c, int k, double h) {
+    double *const place[] = {&c.position.x, &c.position.y, &c.position.z}, *const lens[] = {&c.fx, &c.fy, &c.cx, &c.cy};
+    if (k < 3) *place[k] += h;
+    if (k >= 6) *lens[k - 6] += h;
+    if (k >= 3 && k < 6) {  // rotation exp([w]x): its rows turn against w
+        const Vec3<double> axis{double(k == 3), double(k == 4), double(k == 5)};
+        for (Vec3<double>* row : {&c.rotation.r0, &c.rotation.r1, &c.rotation.r2})
+            *row = *row * std::cos(h) - cross(axis, *row) * std::sin(h) + axis * (dot(axis, *row) * (1 - std::cos(h)));
+    }
+    c.translation = c.rotation * c.position * -1.0;
+    return c;
+}
+
 template <class T, class U> CameraParams<T> cast(const CameraParams<U>& c) {
     return converted<T>(c, [](U x) { return T(x); });
 }
@@ -73,6 +87,7 @@ template <class Real> GaussianState<Real> antialiased(GaussianState<Real> s) {
 template <class Real, class Model> struct Pipeline {
     CpuRasterizer<Real, Model> raster;
     std::vector<Real> image, transmittance;
+    double of_camera[CameraGradient<Real>::kSize];  ///< written by gradients()
 
     void render(const GaussianState<Real>& s, const CameraParams<Real>& camera, const Vec3<Real>& background,
                 RenderMode mode = RenderMode::kFull) {
@@ -92,9 +107,11 @@ template <class Real, class Model> struct Pipeline {
         const auto params = ParameterView<Real>::of(s);
         for (auto* values : {&out.shared.param, &out[Group::kSmoothing].param})
             std::fill(values->begin(), values->end(), Real(0));
+        std::fill(std::begin(of_camera), std::end(of_camera), 0.0);
         for (std::int64_t i = 0; i < s.count; ++i) {
             typename CpuRasterizer<Real, Model>::FullGradient g;
-            raster.gaussian_gradient(params, i, g, out.shared.param.data());
+            raster.gaussian_gradient(params, i, true, g, out.shared.param.data());
+            g.of_camera().for_each([&](int k, Real number) { of_camera[k] += double(number); });
             const auto put = [&](Group group, std::initializer_list<Real> values) {
                 std::copy(values.begin(), values.end(), out[group].param.begin() + i * std::int64_t(values.size()));
             };

@@ -130,6 +130,55 @@ TYPED_TEST_P(RanksOn, TrainWhereSomeHaveNothing) {
         });
 }
 
+TYPED_TEST_P(RanksOn, GatherTheGradientsOfCameras) {
+    for (const RankViews& views :
+         {RankViews(some_model(), kRows, 90), RankViews(some_model(), kRows, 90).through_lenses()}) {
+        SCOPED_TRACE(views.name());
+        std::vector<StepRequest> steps = views.steps();
+        for (StepRequest& step : steps) step.gather_camera_gradient = true;
+        std::vector<ViewCameraGradient> expected;
+        for (const StepRequest& step : steps) {
+            const auto cpu = make_cpu_backend(views.model.appearance);
+            cpu->upload(views.model);
+            cpu->step(step);
+            expected.push_back(cpu->take_camera_gradients().at(0));
+        }
+        const auto expect_gradients = [&](const std::vector<ViewCameraGradient>& found, std::size_t first) {
+            for (std::size_t k = 0; k < found.size(); ++k) {
+                EXPECT_EQ(found[k].id, steps[first + k].target.id);
+                const auto of = [](CameraGradient<double> gradient) {
+                    std::vector<float> numbers;
+                    gradient.for_each([&](int, double number) { numbers.push_back(float(number)); });
+                    return numbers;
+                };
+                const std::vector<float> a = of(expected[first + k].gradient), b = of(found[k].gradient);
+                expect_close({a.begin(), a.begin() + 6}, {b.begin(), b.begin() + 6}, TypeParam::kSums, "pose");
+                expect_close({a.begin() + 6, a.end()}, {b.begin() + 6, b.end()}, TypeParam::kSums, "lens");
+            }
+        };
+        for (std::size_t k = 0; k < kViews; ++k) {
+            Backend plain(TypeParam::make_engine(views.model.appearance, false));
+            plain.upload(views.model);
+            plain.step(steps[k]);
+            const auto found = plain.take_camera_gradients();
+            EXPECT_EQ(found.size(), 1);
+            expect_gradients(found, k);
+            EXPECT_TRUE(plain.take_camera_gradients().empty());
+            plain.step(views.step(k));
+            EXPECT_TRUE(plain.take_camera_gradients().empty()) << "the step did not ask for it";
+        }
+        for (const int ranks : {1, 2, 3})
+            this->with(ranks, views, [&](Backend& backend) {
+                backend.upload(views.model);
+                backend.step_on(steps);
+                const auto found = backend.take_camera_gradients();
+                EXPECT_EQ(found.size(), std::size_t(kViews));
+                expect_gradients(found, 0);
+                EXPECT_TRUE(backend.take_camera_gradients().empty());
+            });
+    }
+}
+
 TYPED_TEST_P(RanksOn, SkipAStepWhoseLossIsNotFinite) {
     RankViews views(some_model());
     views.photographs[2][17] = std::nanf("");
@@ -161,7 +210,7 @@ TYPED_TEST_P(RanksOn, RepeatThemselvesToTheBit) {
 }
 
 REGISTER_TYPED_TEST_SUITE_P(RanksOn, GiveBackTheModelThatTheyWereGiven, RenderAndScoreAsOne,
-                            GrowToTheCapAndPruneTogether, TrainWhereSomeHaveNothing, SkipAStepWhoseLossIsNotFinite,
-                            CountTheGradientsThatTheyLeaveOut, RepeatThemselvesToTheBit);
+                            GrowToTheCapAndPruneTogether, TrainWhereSomeHaveNothing, GatherTheGradientsOfCameras,
+                            SkipAStepWhoseLossIsNotFinite, CountTheGradientsThatTheyLeaveOut, RepeatThemselvesToTheBit);
 
 }  // namespace gs::test

@@ -172,8 +172,8 @@ TEST(MixedRows, AreSeenLikeRowsOfZerosAndHaveTheSameGradients) {
     EXPECT_EQ(images[0], images[1]);
     for (std::int64_t i = 0; i < 40; ++i) {
         CpuRasterizer<double, appearance::Sh>::FullGradient a, b;
-        rasterizers[0].gaussian_gradient(ParameterView<double>::of(zeros), i, a, nullptr);
-        rasterizers[1].gaussian_gradient(ParameterView<double>::of(mixed), i, b, nullptr);
+        rasterizers[0].gaussian_gradient(ParameterView<double>::of(zeros), i, false, a, nullptr);
+        rasterizers[1].gaussian_gradient(ParameterView<double>::of(mixed), i, false, b, nullptr);
         EXPECT_EQ(a.base.x, b.base.x) << i;
         EXPECT_EQ(a.geometry.log_scale.y, b.geometry.log_scale.y) << i;
         for (int c = 0; c < residuals.width; ++c) EXPECT_EQ(b.residual[c], i < 15 ? a.residual[c] : 0.0) << i;
