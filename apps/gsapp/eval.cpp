@@ -42,7 +42,7 @@ struct EvalArguments {
     std::int64_t iteration = -1;  ///< -1 = the last saved iteration
     std::string format;           ///< empty = Markdown, plain text on a terminal
     std::string protocol = protocols().front().name;
-    std::string ssim_border, ppisp_eval, html, output;
+    std::string ssim_border, ppisp_eval, align_test, html, output;
     /// Scene to score on instead of a run's own, and the scene of point clouds without a run; null: each run's own
     /// scene.
     std::shared_ptr<SceneArguments> scene;
@@ -139,6 +139,7 @@ void evaluate(Subject& subject, std::optional<std::int64_t> iteration, const Run
     options.iteration = run.iteration;
     options.correction = run.correction;
     options.correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
+    options.align_cameras = arguments.align_test == "cameras";
     options.decompose = arguments.decompose || !arguments.html.empty();  // the page's slider shows the parts
     evaluate_run(run, options, arguments.frame_rounds, subject.results);
 }
@@ -259,6 +260,12 @@ void add_eval_command(CLI::App& app, Command& selected) {
     command
         ->add_flag("--decompose", arguments->decompose,
                    "Also write base and residual of each test view, and the residual's mean")
+        ->excludes(skip);
+    command
+        ->add_option("--align-test", arguments->align_test,
+                     "cameras: score the test views also with poses that are fitted to the model; results.json and the "
+                     "log have both, tables the given poses")
+        ->check(CLI::IsMember({"cameras"}))
         ->excludes(skip);
     command
         ->add_option("--html", arguments->html,

@@ -250,6 +250,10 @@ nlohmann::ordered_json protocol_json(const EvalOptions& options, const Vec3<floa
         {"num_views", num_views},
         {"program", version_text()},
     };
+    if (options.align_cameras)
+        json["aligned_cameras"] =
+            "the same with the pose of each test view fitted to the finished model by the loss of the training, and "
+            "the learned lens if training views share it: uses the test images, does not compare with PSNR and SSIM";
     for (const Metric& metric : options.metrics) json[metric.info.name] = metric.protocol + ", mean over images";
     return json;
 }

@@ -61,6 +61,7 @@ struct EvalOptions {
     std::string split = "test";
     std::string split_rule = {};  ///< rule that chose the views, for the protocol line
     EvalCorrection correction;
+    bool align_cameras = false;        ///< also scores the views with cameras aligned to the model
     bool decompose = false;            ///< also renders the base and residual of each view, to folders of these names
     std::vector<Metric> metrics = {};  ///< metrics in addition to PSNR and SSIM, which are always computed
 };

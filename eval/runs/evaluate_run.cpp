@@ -10,6 +10,7 @@
 #include <set>
 
 #include "eval/bench/bench.h"
+#include "eval/runs/align_cameras.h"
 #include "eval/runs/results.h"
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
@@ -56,6 +57,17 @@ class NewPictures {
     std::optional<WorkFolder> work_;
 };
 
+/// Scores the views once more, with their cameras aligned to the model.
+void add_aligned_scores(SavedRun& run, EvalOptions options, RunResult& result) {
+    const AlignedViews aligned = align_test_cameras(*run.backend, run.scene, run.background);
+    options.run_folder.clear(), options.metrics.clear(), options.decompose = false;
+    const RunResult scores = evaluate_views(*run.backend, aligned.views, run.background, options);
+    result.aligned_psnr = scores.psnr, result.aligned_ssim = scores.ssim;
+    result.aligned_pixels = aligned.median_pixels;
+    log_info("{}: with test cameras aligned to the model, by {:.2f} pixels in the median: PSNR {:.2f}, SSIM {:.4f}",
+             run.folder.string(), aligned.median_pixels, scores.psnr, scores.ssim);
+}
+
 }  // namespace
 
 std::filesystem::path results_folder(const std::filesystem::path& run, const RunChanges& changes) {
@@ -83,6 +95,7 @@ RunResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_roun
     for (const auto& [key, score] : result.scores) {
         if (!score.value) log_warning("{}: {} {}", folder, key, score.reason);
     }
+    if (options.align_cameras) add_aligned_scores(run, own, result);
     add_run_facts(result, run.options, run.scene, *run.backend);
     if (frame_rounds > 0)
         result.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, frame_rounds);

@@ -36,9 +36,11 @@ struct RunResult {
 
     double psnr = 0, ssim = 0;                  ///< means over the test views; psnr in dB, may be infinite
     std::map<std::string, MetricScore> scores;  ///< means of other metrics by MetricInfo::key, or reasons why missing
-    std::optional<double> residual_mean;        ///< mean over the views; set if decomposed
-    std::vector<ViewScore> views;               ///< scores of the views; not read from files
-    nlohmann::ordered_json protocol;            ///< how the scores were computed: `protocol` of results.json
+    /// Scores with test cameras that were aligned to the model (align_cameras.h), and the median correction in pixels
+    std::optional<double> aligned_psnr, aligned_ssim, aligned_pixels;
+    std::optional<double> residual_mean;  ///< mean over the views; set if decomposed
+    std::vector<ViewScore> views;         ///< scores of the views; not read from files
+    nlohmann::ordered_json protocol;      ///< how the scores were computed: `protocol` of results.json
 
     std::optional<double> train_seconds;       ///< training time, summed over all parts of the run
     std::optional<double> controller_seconds;  ///< training time of the controllers, not included in train_seconds

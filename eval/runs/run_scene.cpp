@@ -8,6 +8,9 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "kernels/base/error.h"
@@ -17,6 +20,7 @@
 #include "lib/model/cameras_json.h"
 #include "lib/model/run_folder.h"
 #include "lib/scene/frame.h"
+#include "lib/scene/resized.h"
 
 namespace gs {
 namespace {
@@ -158,10 +162,24 @@ void require_run_scene(const fs::path& run_folder, const TrainOptions& options, 
                     options.source, run_folder.string(), difference));
 }
 
+void set_refined_cameras(const fs::path& run_folder, Scene& scene) {
+    std::map<std::string, Camera> refined;
+    for (const ListedView& view : read_cameras_json(RunFolder{run_folder}.cameras()))
+        if (view.refined) refined[view.name] = *view.refined;
+    for (View& view : scene.train) {
+        const auto found = refined.find(view.name);
+        if (found == refined.end()) continue;
+        Camera camera = resized(into_frame(found->second, scene.frame), view.camera.width, view.camera.height);
+        camera.range = view.camera.range;
+        view.given = std::make_shared<const Camera>(std::exchange(view.camera, camera));
+    }
+}
+
 Scene load_run_scene(const fs::path& run_folder, const TrainOptions& options, const LoadRules& rules) {
     require_scene_exists(run_folder, options);
     Scene scene = load_scene(options, rules);
     require_run_scene(run_folder, options, scene);
+    set_refined_cameras(run_folder, scene);
     return scene;
 }
 

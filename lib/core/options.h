@@ -22,11 +22,12 @@ struct ModelOptionField {
 
 /// The place where an option is stored; the alternative determines its type.
 template <class... T> using FieldOf = std::variant<T TrainOptions::*..., ModelOptionField>;
-using OptionField = FieldOf<std::string, bool, int, std::optional<int>, std::int64_t, std::optional<std::int64_t>,
-                            std::uint64_t, double, std::optional<double>, std::optional<Duration>, ByteCount,
-                            std::optional<ByteCount>, std::vector<std::int64_t>, Background, ScheduleKind, GrowthBy,
-                            Recipe, Preset, SizeOf, Strategy, Device, PpispMode, VerifyImages, MaskMode, LensMode,
-                            AlphaMode, Antialiasing, AppearanceStorage, AppearanceMoments, Movers, ColorActivation>;
+using OptionField =
+    FieldOf<std::string, bool, int, std::optional<int>, std::int64_t, std::optional<std::int64_t>, std::uint64_t,
+            double, std::optional<double>, std::optional<Duration>, ByteCount, std::optional<ByteCount>,
+            std::vector<std::int64_t>, Background, ScheduleKind, GrowthBy, Recipe, Preset, SizeOf, Strategy, Device,
+            PpispMode, VerifyImages, MaskMode, LensMode, AlphaMode, Antialiasing, RefineCameras, AppearanceStorage,
+            AppearanceMoments, Movers, ColorActivation>;
 
 /// Returns the value of `field` in `options`.
 template <class T> const T& option_value(const TrainOptions& options, T TrainOptions::*field) { return options.*field; }

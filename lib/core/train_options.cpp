@@ -319,6 +319,16 @@ std::vector<Option> start_options() {
     };
 }
 
+std::vector<Option> camera_options() {
+    return {
+        choice("refine-cameras", &O::refine_cameras,
+               "learn poses, focal lengths and principal points of the training images beside the scene; COLMAP's "
+               "points, where there are any, hold them")
+            .gives("see ([cameras](math/cameras.md))")
+            .basic(),
+    };
+}
+
 std::vector<Option> photometric_options() {
     return {
         choice("ppisp", &O::ppisp,
@@ -534,6 +544,7 @@ const std::vector<Option>& train_option_table() {
         append(t, "Model", options_of_models(false));
         append(t, "Model", start_options());
         append(t, "Photometric correction", photometric_options());
+        append(t, "Cameras", camera_options());
         append(t, "Loss", loss_options());
         append(t, "Learning rates", rate_options());
         append(t, "Learning rates", options_of_models(true));

@@ -107,6 +107,11 @@ struct PhotometricOptions {
     double ppisp_lr = 0.002;                            ///< learning rate of the PPISP parameters after the warm-up
 };
 
+/// The cameras.
+struct CameraOptions {
+    RefineCameras refine_cameras = RefineCameras::kOff;
+};
+
 /// The initial Gaussians, and how they are drawn.
 struct StartOptions {
     Antialiasing antialiasing = Antialiasing::kAuto;
@@ -153,6 +158,7 @@ struct TrainOptions : SceneOptions,
                       DeviceOptions,
                       AppearanceOptions,
                       PhotometricOptions,
+                      CameraOptions,
                       StartOptions,
                       OptimizerOptions,
                       DensificationOptions {

@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "kernels/base/error.h"
 #include "lib/core/input_file.h"
@@ -21,22 +23,48 @@ using Vector = std::array<double, 3>;
 
 int side_of(const nlohmann::json& value) { return int(value.get_ref<const nlohmann::json::number_integer_t&>()); }
 
-ListedView view_of(const nlohmann::json& entry) {
-    ListedView view;
-    Camera& c = view.camera;
-    view.name = entry.at("img_name").get<std::string>();
-    view.is_test = entry.at("split") == "test";
-    c.width = side_of(entry.at("width")), c.height = side_of(entry.at("height"));
+/// Returns the camera that an entry states, of the size of the view's.
+Camera camera_of(const nlohmann::json& entry, int width, int height) {
+    Camera c;
+    c.width = width, c.height = height;
     c.fx = entry.at("fx").get<double>(), c.fy = entry.at("fy").get<double>();
     c.cx = entry.at("cx").get<double>(), c.cy = entry.at("cy").get<double>();
-    set_listed_lens(entry, c);
     const auto rows = entry.at("rotation").get<std::array<Vector, 3>>();
     for (int r = 0; r < 3; ++r)
         for (int k = 0; k < 3; ++k) c.rotation(k, r) = rows[std::size_t(r)][std::size_t(k)];
     Eigen::Vector3d position(entry.at("position").get<Vector>().data());
     if (entry.contains("offset")) position += Eigen::Vector3d(entry.at("offset").get<Vector>().data());
     c.translation = -c.rotation * position;
+    return c;
+}
+
+ListedView view_of(const nlohmann::json& entry) {
+    ListedView view;
+    view.name = entry.at("img_name").get<std::string>();
+    view.is_test = entry.at("split") == "test";
+    const int width = side_of(entry.at("width")), height = side_of(entry.at("height"));
+    view.camera = camera_of(entry, width, height);
+    if (entry.contains("given")) view.refined = std::exchange(view.camera, camera_of(entry["given"], width, height));
+    for (Camera* camera : {&view.camera, view.refined ? &*view.refined : nullptr})
+        if (camera) set_listed_lens(entry, *camera);
     return view;
+}
+
+/// Returns the part of an entry that refining changes.
+nlohmann::ordered_json pose_json(const Camera& in_frame, const Frame& frame) {
+    const Eigen::Vector3d offset = file_offset(frame);
+    const Camera c = out_of_frame(in_frame, Frame{frame.center - offset, frame.scale});
+    const Eigen::Vector3d o = c.center();
+    const Eigen::Matrix3d r = c.rotation.transpose();
+    const auto row = [&](int i) { return std::array{r(i, 0), r(i, 1), r(i, 2)}; };
+    nlohmann::ordered_json json = {{"position", std::array{o.x(), o.y(), o.z()}},
+                                   {"rotation", std::array{row(0), row(1), row(2)}},
+                                   {"fy", c.fy},
+                                   {"fx", c.fx},
+                                   {"cx", c.cx},
+                                   {"cy", c.cy}};
+    if (!offset.isZero(0)) json["offset"] = {offset.x(), offset.y(), offset.z()};
+    return json;
 }
 
 }  // namespace
@@ -53,31 +81,34 @@ void set_listed_lens(const nlohmann::json& entry, Camera& camera) {
 
 std::string cameras_json(const Scene& scene) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
-    const Eigen::Vector3d offset = file_offset(scene.frame);
-    const Frame relative{scene.frame.center - offset, scene.frame.scale};
     for (const auto* views : {&scene.test, &scene.train}) {
         for (const View& view : *views) {
-            const Camera c = out_of_frame(view.camera, relative);
-            const Eigen::Vector3d o = c.center();
-            const Eigen::Matrix3d r = c.rotation.transpose();
-            const auto row = [&](int i) { return std::array{r(i, 0), r(i, 1), r(i, 2)}; };
-            list.push_back({{"id", list.size()},
-                            {"img_name", view.name},
-                            {"width", c.width},
-                            {"height", c.height},
-                            {"position", std::array{o.x(), o.y(), o.z()}},
-                            {"rotation", std::array{row(0), row(1), row(2)}},
-                            {"fy", c.fy},
-                            {"fx", c.fx},
-                            {"cx", c.cx},
-                            {"cy", c.cy},
-                            {"split", views == &scene.test ? "test" : "train"}});
+            const Camera& c = view.camera;
+            nlohmann::ordered_json entry = {
+                {"id", list.size()}, {"img_name", view.name}, {"width", c.width}, {"height", c.height}};
+            entry.update(pose_json(c, scene.frame));
+            entry["split"] = views == &scene.test ? "test" : "train";
             if (!is_pinhole(c)) {
-                list.back()["camera_model"] = camera_model_info(c.model).name;
-                list.back()["distortion"] = c.distortion;
+                entry["camera_model"] = camera_model_info(c.model).name;
+                entry["distortion"] = c.distortion;
             }
-            if (!offset.isZero(0)) list.back()["offset"] = {offset.x(), offset.y(), offset.z()};
+            if (view.given) entry["given"] = pose_json(*view.given, scene.frame);
+            list.push_back(std::move(entry));
         }
+    }
+    return json_text(list);
+}
+
+std::string with_refined_cameras(const std::string& cameras, const Scene& scene) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::parse(cameras);
+    std::map<std::string, const View*> refined;
+    for (const View& view : scene.train)
+        if (view.given) refined[view.name] = &view;
+    for (nlohmann::ordered_json& entry : list) {
+        const auto found = refined.find(entry.at("img_name").get<std::string>());
+        if (found == refined.end()) continue;
+        entry.update(pose_json(found->second->camera, scene.frame));
+        entry["given"] = pose_json(*found->second->given, scene.frame);
     }
     return json_text(list);
 }

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,8 +17,13 @@ namespace gs {
 /// training views. id is the index in the list, position is in scene units, rotation is world_from_camera by rows,
 /// focal lengths and principal point are in pixels, split is "test" or "train". Cameras with a lens also have
 /// "camera_model" and "distortion", as COLMAP names and orders them. If an offset is subtracted in the run's
-/// PLY files (file_offset), it is also subtracted from positions, and each entry states it as "offset": [x, y, z].
+/// PLY files (file_offset), it is also subtracted from positions, and each entry states it as "offset": [x, y, z]. A
+/// view whose camera was learned also has the dataset's, as "given": {position, rotation, fy, fx, cx, cy}.
 std::string cameras_json(const Scene& scene);
+
+/// Returns the text `cameras` of such a list with the learned cameras of the scene's training views. Their entries
+/// state the dataset's camera as "given".
+std::string with_refined_cameras(const std::string& cameras, const Scene& scene);
 
 /// Sets the lens that an entry of such a list states, if it does, without its range. Throws DataError or
 /// nlohmann::json::exception.
@@ -30,7 +36,8 @@ void write_cameras_json(const std::filesystem::path& path, const Scene& scene);
 struct ListedView {
     std::string name;
     bool is_test = false;
-    Camera camera;  ///< camera in scene units
+    Camera camera;                       ///< camera of the dataset, in scene units
+    std::optional<Camera> refined = {};  ///< the same as learned, if it was
 };
 
 /// Reads the views with which a run began. Returns none if the file is missing or has no splits, like the files of

@@ -119,6 +119,40 @@ PpispState read_ppisp(const SafetensorsFile& file, const std::string& name) {
     return p;
 }
 
+/// Adds rows of equal length, which are joined in `joined`.
+void add_doubles(const char* name, const std::vector<std::vector<double>>& rows, std::vector<double>& joined,
+                 std::vector<TensorView>& tensors) {
+    if (rows.empty()) return;
+    for (const auto& row : rows) joined.insert(joined.end(), row.begin(), row.end());
+    tensors.push_back({name, Dtype::kF64, {std::int64_t(rows.size()), std::int64_t(rows[0].size())}, joined.data()});
+}
+
+/// Reads rows of `width` finite values.
+std::vector<std::vector<double>> read_doubles(const SafetensorsFile& file, const std::string& name,
+                                              const std::string& tensor, std::size_t width) {
+    const auto& shape = file.tensor(tensor).shape;
+    if (shape.size() != 2 || shape[0] < 1 || shape[1] != std::int64_t(width))
+        throw DataError(
+            fmt::format("cannot read '{}': tensor '{}' does not have the shape (n, {})", name, tensor, width));
+    const std::vector<double> values = file.read<double>(tensor);
+    std::vector<std::vector<double>> rows;
+    for (std::size_t k = 0; k < values.size(); ++k) {
+        if (!std::isfinite(values[k]))
+            throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {} in row {}; use an earlier checkpoint",
+                                        name, tensor, values[k], k / width));
+        if (k % width == 0) rows.emplace_back();
+        rows.back().push_back(values[k]);
+    }
+    return rows;
+}
+
+CameraState read_cameras(const SafetensorsFile& file, const std::string& name) {
+    if (!file.tensors().contains("camera_views")) return {};
+    return {read_doubles(file, name, "camera_views", CameraState::kViewValues),
+            read_doubles(file, name, "camera_lenses", CameraState::kLensValues),
+            metadata_number<std::int64_t>(file, name, "camera_gradients")};
+}
+
 Frame frame_of(const SafetensorsFile& file, const std::string& name) {
     if (!file.metadata().contains("frame")) return {};
     const auto frame = parse_frame(file.metadata("frame"));
@@ -186,6 +220,10 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
     if (g.antialiased) metadata["antialiased"] = "true";
     if (checkpoint.automatic) metadata["automatic"] = "true";
     add_ppisp(g.ppisp, tensors, metadata);
+    std::vector<double> views, lenses;  // must live until they are written
+    add_doubles("camera_views", checkpoint.cameras.views, views, tensors);
+    add_doubles("camera_lenses", checkpoint.cameras.lenses, lenses, tensors);
+    if (!views.empty()) metadata["camera_gradients"] = std::to_string(checkpoint.cameras.gathered);
     write_safetensors(path, tensors, metadata);
 }
 
@@ -261,6 +299,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
         }
     }
     g.ppisp = read_ppisp(file, name);
+    c.cameras = read_cameras(file, name);
     return c;
 }
 

@@ -51,6 +51,8 @@ struct RunFolder {
     std::filesystem::path results() const { return root / "results.json"; }
     std::filesystem::path per_view() const { return root / "per_view.json"; }
     std::filesystem::path ppisp() const { return root / "ppisp.json"; }
+    /// The scene with refined cameras: a COLMAP model in sparse/0, transforms.json, and a link to the photographs.
+    std::filesystem::path refined_scene() const { return root / "refined"; }
     std::filesystem::path appearance_choice() const { return root / "auto.json"; }
     std::filesystem::path train_log() const { return root / "stats" / "train.jsonl"; }
     std::filesystem::path point_cloud(std::int64_t iteration) const;

@@ -33,19 +33,19 @@ std::vector<double> distances_from_middle(const std::vector<Eigen::Vector3d>& ce
     return distances;
 }
 
-/// Returns for each view whether its pose contradicts the points that its image sees. COLMAP keeps points that are off
-/// by up to 4 pixels, and the median of an image is about a pixel.
-std::vector<bool> contradict_tracks(const std::vector<SourceView>& views) {
+/// Returns for each view whether its pose contradicts the points that its image sees, whose errors are given. COLMAP
+/// keeps points that are off by up to 4 pixels, and the median of an image is about a pixel.
+std::vector<bool> contradict_tracks(const std::vector<std::optional<double>>& errors_of_views) {
     constexpr double kLargest = 0.02, kLargestOfUsual = 6;
-    std::vector<bool> wrong(views.size());
+    std::vector<bool> wrong(errors_of_views.size());
     std::vector<double> errors;
-    for (const SourceView& view : views)
-        if (view.track_error) errors.push_back(*view.track_error);
+    for (const std::optional<double>& error : errors_of_views)
+        if (error) errors.push_back(*error);
     if (errors.empty()) return wrong;
     const double largest = std::max(kLargest, kLargestOfUsual * median(errors));
-    for (std::size_t i = 0; i < views.size(); ++i) wrong[i] = views[i].track_error && *views[i].track_error > largest;
+    for (std::size_t i = 0; i < wrong.size(); ++i) wrong[i] = errors_of_views[i] && *errors_of_views[i] > largest;
     if (!are_few(std::size_t(std::count(wrong.begin(), wrong.end(), true)), errors.size()))
-        wrong.assign(views.size(), false);
+        wrong.assign(wrong.size(), false);
     return wrong;
 }
 
@@ -57,6 +57,19 @@ bool sees_a_point(const SourceView& view, const SourcePoints& points) {
 }
 
 }  // namespace
+
+std::optional<double> track_error(const SourceView& view) {
+    constexpr std::size_t kFewest = 10;
+    if (view.observations.size() < kFewest) return {};
+    const Eigen::Vector2d size(view.lens.width, view.lens.height);
+    std::vector<double> errors;
+    for (const PointObservation& seen : view.observations) {
+        const auto at = project(view.lens, view.rotation * seen.point + view.translation);
+        const double error = at ? (*at - seen.at.cwiseProduct(size)).norm() / size.maxCoeff() : 1;
+        errors.push_back(error < 1 ? error : 1);
+    }
+    return median(std::move(errors));
+}
 
 std::vector<bool> far_cameras(const std::vector<Eigen::Vector3d>& centers) {
     // The farthest camera is at 1.1 to 2.8 median distances in captures of objects, rooms and buildings, and at 2 on a
@@ -80,16 +93,18 @@ void leave_out_wrong_poses(const std::vector<SourceView>& views, const SourcePoi
             used.push_back(i);
             centers.push_back(views[i].center());
         }
-    const std::vector<bool> contradicted = contradict_tracks(views), far = far_cameras(centers);
+    std::vector<std::optional<double>> errors;
+    for (const SourceView& view : views) errors.push_back(track_error(view));
+    const std::vector<bool> contradicted = contradict_tracks(errors), far = far_cameras(centers);
     const std::vector<double> distances = distances_from_middle(centers);
     std::vector<std::string> off, lost, distant, scored;
     double worst = 0, farthest = 0;
     for (std::size_t k = 0; k < used.size(); ++k) {
         const SourceView& view = views[used[k]];
         const bool sees_nothing =
-            far[k] && !view.track_error && !points.positions.empty() && !sees_a_point(view, points);
+            far[k] && !errors[used[k]] && !points.positions.empty() && !sees_a_point(view, points);
         if (far[k]) farthest = std::max(farthest, distances[k]);
-        if (contradicted[used[k]]) worst = std::max(worst, *view.track_error);
+        if (contradicted[used[k]]) worst = std::max(worst, *errors[used[k]]);
         if (!contradicted[used[k]] && !sees_nothing) {
             if (far[k]) distant.push_back(view.name);
             continue;

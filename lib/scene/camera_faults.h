@@ -3,11 +3,16 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "lib/scene/source_scene.h"
 
 namespace gs {
+
+/// Returns the median distance between where an image shows its points and where its pose does, as a share of the
+/// image's larger side, at most 1; nothing if fewer than ten points are known.
+std::optional<double> track_error(const SourceView& view);
 
 /// Returns for each camera whether it stands far outside of the others: at more than six times the median distance from
 /// their middle. None does if there are fewer than five cameras, or if more than a tenth would: those are a second

@@ -213,20 +213,18 @@ fs::path colmap_point_file(const fs::path& folder) {
     return path_exists(text) ? text : fs::path();
 }
 
-std::optional<double> track_error(const ColmapModel& model, const ColmapImage& image) {
-    constexpr std::size_t kFewest = 10;
+std::vector<PointObservation> observations(const ColmapModel& model, const ColmapImage& image) {
     const LensCamera& lens = model.cameras.at(image.camera_id);
-    const double side = std::max(lens.width, lens.height);
-    std::vector<double> errors;
-    for (const ColmapObservation& seen : image.observations) {
-        const auto row = model.rows.find(seen.point);
-        if (row == model.rows.end()) continue;
-        const auto at = project(lens, image.rotation * model.points.positions[row->second] + image.translation);
-        const double error = at ? (*at - Eigen::Vector2d(seen.x, seen.y)).norm() / side : 1;
-        errors.push_back(error < 1 ? error : 1);
+    std::vector<std::pair<const ColmapObservation*, std::size_t>> known;
+    for (const ColmapObservation& seen : image.observations)
+        if (const auto row = model.rows.find(seen.point); row != model.rows.end())
+            known.emplace_back(&seen, row->second);
+    std::vector<PointObservation> out(std::min(known.size(), kMostObservations));
+    for (std::size_t k = 0; k < out.size(); ++k) {
+        const auto& [seen, row] = known[k * known.size() / out.size()];
+        out[k] = {model.points.positions[row], {double(seen->x) / lens.width, double(seen->y) / lens.height}};
     }
-    if (errors.size() < kFewest) return {};
-    return median(std::move(errors));
+    return out;
 }
 
 SourcePoints read_colmap_points(const fs::path& file, std::vector<std::string>& notes) {

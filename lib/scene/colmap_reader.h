@@ -39,9 +39,9 @@ struct ColmapModel {
     std::vector<std::string> notes;                       ///< one line per kind of skipped data
 };
 
-/// Returns the median distance between where the points of an image are and where its pose shows them, as a share of
-/// the image's larger side, at most 1; nothing if the image sees fewer than ten of the model's points.
-std::optional<double> track_error(const ColmapModel& model, const ColmapImage& image);
+/// Returns the observations of an image that are of the model's points, at most kMostObservations of them, with points
+/// in scene units.
+std::vector<PointObservation> observations(const ColmapModel& model, const ColmapImage& image);
 
 /// Finds the model folder inside a scene: the sub-folder of `sparse` with the most images (reported in `notes` if there
 /// are several), else `sparse`, else the scene folder itself. Returns an empty path if none of these folders holds

@@ -128,7 +128,7 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
         view.lens = model.cameras.at(image.camera_id);
         view.rotation = image.rotation;
         view.translation = image.translation;
-        view.track_error = track_error(model, image);
+        view.observations = observations(model, image);
         if (!found.images[i].file) found.images[i].file = pairs.find(image.name);
         if (!preflight.accept_file(view, found.images[i])) {
             if (!view.unreadable.empty()) out.views.push_back(std::move(view));

@@ -297,7 +297,10 @@ void place_cube(Scene& scene) {
 /// Converts cameras, points and the initialisation cube from scene coordinates to frame coordinates.
 void bring_into_frame(Scene& scene, const SourcePoints& points) {
     for (auto* views : {&scene.train, &scene.test})
-        for (View& view : *views) view.camera = into_frame(view.camera, scene.frame);
+        for (View& view : *views) {
+            view.camera = into_frame(view.camera, scene.frame);
+            for (PointObservation& seen : view.observations) seen.point = scene.frame.from_scene(seen.point);
+        }
     scene.random_init_center = scene.frame.from_scene(scene.random_init_center);
     scene.random_init_half_extent *= scene.frame.scale;
     for (const Eigen::Vector3d& p : points.positions)

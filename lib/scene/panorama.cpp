@@ -17,8 +17,8 @@
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/median.h"
-#include "lib/io/atomic_file.h"
 #include "lib/io/image.h"
+#include "lib/scene/colmap_writer.h"
 #include "lib/scene/view_builder.h"
 
 namespace gs {
@@ -125,17 +125,6 @@ std::map<std::string, std::vector<Pose>> poses_by_panorama(const ColmapModel& fa
     return poses;
 }
 
-void write_points(const SourcePoints& points, const fs::path& path) {
-    AtomicFile file(path);
-    for (std::size_t i = 0; i < points.positions.size(); ++i) {
-        const Eigen::Vector3d& p = points.positions[i];
-        const Eigen::Vector3f color = points.colors[i] * 255.0f;
-        file.stream() << fmt::format("{} {} {} {} {:.0f} {:.0f} {:.0f} 0\n", i + 1, p.x(), p.y(), p.z(), color.x(),
-                                     color.y(), color.z());
-    }
-    file.commit();
-}
-
 }  // namespace
 
 std::string face_name(const std::string& panorama, int face) { return fmt::format("{}/face{}.jpg", panorama, face); }
@@ -165,30 +154,22 @@ std::string write_faces(const fs::path& images, const std::vector<std::string>& 
 
 PanoramaModel write_panorama_model(const ColmapModel& faces, const fs::path& images, const fs::path& folder) {
     PanoramaModel model;
-    std::map<std::pair<int, int>, int> cameras;
-    std::string image_lines, camera_lines;
+    std::vector<PosedImage> posed;
     std::vector<double> angles;
     for (const auto& [name, poses] : poses_by_panorama(faces)) {
         const ImageInfo info = read_image_info(images / name);
-        const auto [camera, is_new] = cameras.try_emplace({info.width, info.height}, int(cameras.size()) + 1);
-        if (is_new)
-            camera_lines +=
-                fmt::format("{0} EQUIRECTANGULAR {1} {2} {1} {2}\n", camera->second, info.width, info.height);
+        const double size[2] = {double(info.width), double(info.height)};
         bool contradictory = false;
         const Pose pose = combined(poses, contradictory);
         if (contradictory) model.contradictory.push_back(name);
         if (poses.size() > 1)
             for (const Pose& face : poses) angles.push_back(pose.rotation.angularDistance(face.rotation) / kRadians);
-        const Eigen::Quaterniond& q = pose.rotation;
-        const Eigen::Vector3d t = -(q * pose.center);
         model.panoramas.push_back(name);
-        image_lines += fmt::format("{} {} {} {} {} {} {} {} {} {}\n\n", model.panoramas.size(), q.w(), q.x(), q.y(),
-                                   q.z(), t.x(), t.y(), t.z(), camera->second, name);
+        posed.push_back({name, make_lens_camera(CameraModel::kEquirectangular, info.width, info.height, size),
+                         pose.rotation.toRotationMatrix(), -(pose.rotation * pose.center)});
     }
     if (!angles.empty()) model.disagreement = median(std::move(angles));
-    write_text_atomic(folder / "cameras.txt", camera_lines);
-    write_text_atomic(folder / "images.txt", image_lines);
-    write_points(faces.points, folder / "points3D.txt");
+    write_colmap_model(folder, posed, faces.points);
     return model;
 }
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -46,21 +47,32 @@ struct ViewImage {
     std::optional<Image> mask;  ///< 1 channel, 8 bit: loss weight
 };
 
+/// A point of the scene, and where an image shows it.
+struct PointObservation {
+    Eigen::Vector3d point;  ///< frame units
+    Eigen::Vector2d at;     ///< as shares of the image's width and height
+};
+
 /// One photograph. `load` decodes (and undistorts if so decided, resizes, applies masks) on each call and is safe to
 /// call from any thread. Callers that need an image twice use ImageCache.
 struct View {
     std::string name;  ///< image name relative to the image folder, e.g. "left/0001.jpg"
     Camera camera;
+    std::shared_ptr<const Camera> given;  ///< camera of the dataset, if `camera` was learned from it; else null
     std::function<ViewImage()> load;
     /// The result of `load` if verify_images kept it; else null.
     std::shared_ptr<const ViewImage> decoded;
     std::size_t image_bytes = 0;  ///< expected size of the result of `load`, for the memory plan
     /// Index of the device that took the photograph, 0..Scene::num_cameras-1; -1 = a device without training images
     int camera_id = 0;
-    std::string mask_file;  ///< file of its mask; empty without a mask
+    std::filesystem::path file;  ///< file of the photograph; empty if it is computed
+    LensCamera photograph;       ///< lens for the photograph's own pixels
+    std::string mask_file;       ///< file of its mask; empty without a mask
     /// The weights that the lens gives its pixels in the loss (1 channel, 8 bit), at the training size; null: all 255.
     /// Where they are 0 the lens sees nothing: the photograph is black, and scored renders are made so.
     std::shared_ptr<const Image> lens_weights;
+    /// Points that the dataset says the image shows, at most kMostObservations; empty if it says nothing.
+    std::vector<PointObservation> observations = {};
     /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty if the file does not state it or the option did
     /// not request it (SceneOptions::ppisp_exif).
     std::optional<double> exif_exposure;

@@ -16,6 +16,9 @@
 
 namespace gs {
 
+/// Largest number of observations of an image that are read. They are spread evenly over its list.
+inline constexpr std::size_t kMostObservations = 500;
+
 /// The use that a dataset states for one of its views.
 enum class ViewRole {
     kTrain,
@@ -34,7 +37,8 @@ struct SourceView {
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
     int camera_id = 0;  ///< device that took it, in the dataset's numbering
     std::optional<MaskFile> mask;
-    std::optional<double> track_error = {};  ///< as track_error(); nothing if it is not known what the image sees
+    /// As in View, but with points in scene units and shares of the size of `lens`
+    std::vector<PointObservation> observations = {};
     ViewRole role = ViewRole::kTrain;
     /// Reason why the image cannot be read; empty if it can. An unreadable view counts in the split and is then left
     /// out.

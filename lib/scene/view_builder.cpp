@@ -127,6 +127,20 @@ struct LoadJob {
     }
 };
 
+/// Returns the observations of a source image that lie in the image of `camera`, which may be undistorted.
+std::vector<PointObservation> observations_in(const Camera& camera, const SourceView& source) {
+    if (is_pinhole(source.lens) || !is_pinhole(camera)) return source.observations;
+    std::vector<PointObservation> out;
+    for (const PointObservation& seen : source.observations) {
+        const auto ray = unproject(source.lens, {seen.at.x() * source.lens.width, seen.at.y() * source.lens.height});
+        const auto at = ray ? project(camera, *ray) : std::nullopt;
+        if (!at) continue;
+        const Eigen::Vector2d share(at->x() / camera.width, at->y() / camera.height);
+        if ((share.array() >= 0).all() && (share.array() <= 1).all()) out.push_back({seen.point, share});
+    }
+    return out;
+}
+
 int scaled_size(int size, double divisor) { return std::max(1, int(std::lround(size / divisor))); }
 
 }  // namespace
@@ -302,7 +316,9 @@ View ViewBuilder::build(const SourceView& source) {
     view.name = source.name;
     view.camera = camera;
     view.lens_weights = weights;
+    view.observations = observations_in(full, source);
     view.camera_id = source.camera_id;
+    view.file = source.image_path, view.photograph = source.lens;
     if (source.mask) view.mask_file = source.mask->path.string();
     view.image_bytes =
         std::size_t(width) * height * ((alpha ? 4 : 3) * (source.info.float_data ? 4 : 1) + (mask ? 1 : 0));

@@ -13,16 +13,21 @@
 namespace gs {
 
 Checkpoints::Checkpoints(const OutputOptions& options, const TrainingSchedule& schedule, const TrainingClock& clock,
-                         const RunWriter& writer)
+                         CameraRefinement& cameras, const RunWriter& writer)
     : options_(options),
       schedule_(schedule),
       clock_(clock),
+      cameras_(cameras),
       writer_(writer),
       first_iteration_(schedule.iteration()),
       written_at_(clock.train_seconds()) {}
 
 void Checkpoints::write(Backend& backend, bool automatic) {
-    writer_.write_checkpoint(kept_ ? *kept_ : backend.download(true), schedule_.iteration(), clock_.time(), automatic);
+    writer_.write_checkpoint({.state = kept_ ? *kept_ : backend.download(true),
+                              .iteration = schedule_.iteration(),
+                              .time = clock_.time(),
+                              .cameras = cameras_.state(backend),
+                              .automatic = automatic});
     written_at_ = clock_.train_seconds();
 }
 

@@ -8,6 +8,7 @@
 
 #include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
+#include "lib/train/camera_refinement.h"
 #include "lib/train/run_writer.h"
 #include "lib/train/training_clock.h"
 #include "lib/train/training_schedule.h"
@@ -20,7 +21,7 @@ namespace gs {
 class Checkpoints {
   public:
     Checkpoints(const OutputOptions& options, const TrainingSchedule& schedule, const TrainingClock& clock,
-                const RunWriter& writer);
+                CameraRefinement& cameras, const RunWriter& writer);
 
     /// Writes a checkpoint of the current iteration. Throws DataError.
     void write(Backend& backend);
@@ -53,6 +54,7 @@ class Checkpoints {
     const OutputOptions& options_;
     const TrainingSchedule& schedule_;
     const TrainingClock& clock_;
+    CameraRefinement& cameras_;
     const RunWriter& writer_;
     const std::int64_t first_iteration_;  ///< iteration at which this process began
     std::optional<Gaussians> kept_;

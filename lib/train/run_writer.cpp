@@ -13,6 +13,7 @@
 #include "lib/model/cameras_json.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
+#include "lib/model/refined_scene.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/training_schedule.h"
 
@@ -55,23 +56,23 @@ void RunWriter::write_config() const {
     write_text_atomic(folder_.cameras(), cameras_);
 }
 
+void RunWriter::write_refined_cameras() const {
+    check_folder();
+    write_text_atomic(folder_.cameras(), with_refined_cameras(cameras_, scene_));
+    write_refined_scene(folder_.refined_scene(), scene_);
+}
+
 void RunWriter::write_start(const PointCloud& first_points) const {
     write_config();
     write_input_points(folder_, first_points, scene_.frame);
 }
 
-void RunWriter::write_checkpoint(Gaussians state, std::int64_t iteration, const std::optional<TrainingTime>& time,
-                                 bool automatic) const {
+void RunWriter::write_checkpoint(Checkpoint checkpoint) const {
     check_folder();
-    gs::write_checkpoint(folder_.checkpoint(iteration), {.state = std::move(state),
-                                                         .iteration = iteration,
-                                                         .seed = seed_,
-                                                         .options_yaml = config_,
-                                                         .test_views = view_digest(scene_.test),
-                                                         .frame = scene_.frame,
-                                                         .time = time,
-                                                         .automatic = automatic});
-    remove_automatic_checkpoints(folder_, iteration);
+    checkpoint.seed = seed_, checkpoint.options_yaml = config_;
+    checkpoint.test_views = view_digest(scene_.test), checkpoint.frame = scene_.frame;
+    gs::write_checkpoint(folder_.checkpoint(checkpoint.iteration), checkpoint);
+    remove_automatic_checkpoints(folder_, checkpoint.iteration);
 }
 
 void RunWriter::write_point_cloud(Backend& backend, std::int64_t iteration) const {

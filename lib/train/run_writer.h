@@ -36,10 +36,11 @@ class RunWriter {
     /// Writes config.yaml, cfg_args and cameras.json, also for a resumed run, whose options may have changed.
     void write_config() const;
 
+    /// Writes the cameras that were learned: to cameras.json, and as a scene of their own.
+    void write_refined_cameras() const;
     /// Writes everything that the run needs to continue, including Adam moments, and removes automatic checkpoints of
-    /// earlier iterations. `time` is the time of the training so far, if known.
-    void write_checkpoint(Gaussians state, std::int64_t iteration, const std::optional<TrainingTime>& time,
-                          bool automatic = false) const;
+    /// earlier iterations. Completes the checkpoint by what is the same in the whole run.
+    void write_checkpoint(Checkpoint checkpoint) const;
     /// Returns the time for reading the model back from the device and writing its point cloud, in seconds per
     /// Gaussian. Leaves no file.
     double seconds_per_gaussian(Backend& backend) const;

@@ -20,8 +20,8 @@ constexpr std::int64_t kSmoothingInterval = 100;
 
 }  // namespace
 
-StepRunner::StepRunner(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance,
-                       ModelLimits& limits, TrainingSchedule& schedule, Journal& journal)
+StepRunner::StepRunner(const TrainOptions& options, Scene& scene, const AppearanceSpec& appearance, ModelLimits& limits,
+                       TrainingSchedule& schedule, Journal& journal)
     : output_(options),
       length_(options),
       antialiasing_(options.antialiasing),
@@ -32,6 +32,7 @@ StepRunner::StepRunner(const TrainOptions& options, const Scene& scene, const Ap
       views_(options, scene),
       densification_(options, appearance, scene.extent, options.background.always(0, 0, 0), limits.views()),
       photometric_(options, scene),
+      cameras_(options, scene),
       composer_(options, appearance, scene, &photometric_),
       residuals_(options, appearance, scene) {}
 
@@ -43,7 +44,8 @@ Gaussians StepRunner::begin(Gaussians first, bool from_points) {
     return first;
 }
 
-Gaussians StepRunner::resume(Gaussians state) {
+Gaussians StepRunner::resume(Gaussians state, const CameraState& cameras) {
+    cameras_.resume(cameras);
     photometric_.resume(state, schedule_.moment());
     densification_.resume(state.active_degree);
     start_antialiasing(state);
@@ -76,6 +78,7 @@ void StepRunner::take(Backend& backend) {
     const ScheduleMoment moment = schedule_.moment();
     const std::int64_t first = moment.iteration + 1, last = moment.iteration + num_views;
     decide_photometric(backend, moment);
+    cameras_.before_step(backend, moment);
     const bool hold = multiples_passed(moment.before, moment.position, kDegreeInterval) > 0 &&
                       photometric_.holds_view_dependence(backend, moment);
     const auto most = [&] { return schedule_.most_gaussians(backend.count(), limits_.most_now(backend)); };
@@ -86,6 +89,10 @@ void StepRunner::take(Backend& backend) {
     std::vector<StepRequest> requests;
     for (const StepView& view : views) requests.push_back(composer_.compose(view, moment));
     if (num_views > 1) StepComposer::combine(requests);
+    if (cameras_.learns(moment)) {
+        for (StepRequest& request : requests) request.gather_camera_gradient = true;
+        cameras_.count(num_views);
+    }
     backend.step_on(requests);
     last_moment_ = moment;
     journal_.write_change(densification_.after_step(backend, moment), last);

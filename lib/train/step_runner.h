@@ -9,6 +9,7 @@
 #include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
+#include "lib/train/camera_refinement.h"
 #include "lib/train/densification.h"
 #include "lib/train/journal.h"
 #include "lib/train/model_limits.h"
@@ -24,9 +25,10 @@ namespace gs {
 /// remove_surplus(), and controller_step() after the last change of the Gaussians.
 class StepRunner {
   public:
-    /// All arguments must outlive the object. `limits` bounds the growth and the final model, `schedule` determines the
-    /// position in the run, and `journal` records the changes of the model.
-    StepRunner(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance, ModelLimits& limits,
+    /// All arguments must outlive the object. Training views of `scene` get the cameras that are learned. `limits`
+    /// bounds the growth and the final model, `schedule` determines the position in the run, and `journal` records the
+    /// changes of the model.
+    StepRunner(const TrainOptions& options, Scene& scene, const AppearanceSpec& appearance, ModelLimits& limits,
                TrainingSchedule& schedule, Journal& journal);
 
     /// Returns the first model of a new run with its initial active degree and photometric correction. A model made
@@ -34,7 +36,7 @@ class StepRunner {
     Gaussians begin(Gaussians first, bool from_points);
     /// Returns the model of a checkpoint for the schedule's current moment, with the initial PPISP state if PPISP
     /// begins only here. Throws what Photometric::resume throws.
-    Gaussians resume(Gaussians state);
+    Gaussians resume(Gaussians state, const CameraState& cameras);
     /// Sets the views of a step, and the images to decode ahead, to those that the backend needs.
     void use(const Backend& backend);
     /// Starts decoding the images of the next steps.
@@ -58,6 +60,7 @@ class StepRunner {
     StepRequest controller_step(std::int64_t k, const std::optional<std::int64_t>& steps);
 
     const Photometric& photometric() const { return photometric_; }
+    CameraRefinement& cameras() { return cameras_; }
     TrainingViews& views() { return views_; }
     const LearningRates& rates() const { return composer_.rates(); }
     /// Returns the learning rates of the last step.
@@ -81,6 +84,7 @@ class StepRunner {
     TrainingViews views_;
     DensificationSchedule densification_;
     Photometric photometric_;
+    CameraRefinement cameras_;
     const StepComposer composer_;
     const ResidualShare residuals_;
     ScheduleMoment last_moment_;                      ///< moment of the last step

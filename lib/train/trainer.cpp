@@ -32,8 +32,7 @@ namespace {
 
 class Trainer {
   public:
-    Trainer(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress,
-            const TrainHooks& hooks)
+    Trainer(const TrainOptions& options, Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks)
         : options_(options),
           hooks_(hooks),
           progress_(progress),
@@ -47,7 +46,7 @@ class Trainer {
           monitor_(schedule_, steps_.views(), journal_),
           watcher_(hooks, schedule_, monitor_, clock_),
           backend_(TrainingStart(options, scene, hooks, limits_, schedule_, steps_, clock_, writer_).make(start)),
-          checkpoints_(options, schedule_, clock_, writer_) {
+          checkpoints_(options, schedule_, clock_, steps_.cameras(), writer_) {
         log_memory_plan(options, scene, appearance_spec(options), backend_->count());
         if (start.checkpoint)
             journal_.resume(iteration(), schedule_.finished());
@@ -279,6 +278,7 @@ class Trainer {
         log_exchanges(backend_->take_costs());
         monitor_.prune_nonfinite(*backend_);
         save_model();
+        report_cameras();
         const double saved = seconds_now();
         const std::int64_t controller_iterations = train_controllers();
         const double controller_seconds = steps_.photometric().trains_controllers() ? seconds_now() - saved : 0;
@@ -325,6 +325,15 @@ class Trainer {
         if (schedule_.limits_time()) remove_automatic_checkpoints(writer_.folder(), iteration() + 1);
     }
 
+    /// Says how far the learned cameras have moved, and writes them.
+    void report_cameras() {
+        if (!steps_.cameras().is_active()) return;
+        const CameraCorrections moved = steps_.cameras().corrections();
+        log_info("cameras: moved by {:.2f} pixels in the median, {:.2f} at most; focal lengths by up to {:.2g} %",
+                 moved.median, moved.largest, 100 * moved.focal);
+        writer_.write_refined_cameras();
+    }
+
     /// Trains the controllers if the run has any. Returns the number of their iterations.
     std::int64_t train_controllers() {
         if (!steps_.photometric().trains_controllers()) return 0;
@@ -363,7 +372,7 @@ class Trainer {
 
 }  // namespace
 
-TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress,
+TrainSummary train(const TrainOptions& options, Scene& scene, RunStart start, Progress& progress,
                    const TrainHooks& hooks) {
     if (scene.train.empty()) throw DataError(scene.source + ": no training views (all were held out or skipped)");
     return Trainer(options, scene, std::move(start), progress, hooks).run();

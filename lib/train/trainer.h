@@ -50,7 +50,7 @@ struct TrainSummary {
 /// first writes a checkpoint, which the message names, if an iteration was finished and the model can still be read.
 /// (If the failed iteration had already densified, the resumed run densifies once more; images are read before
 /// densification.)
-TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress,
+TrainSummary train(const TrainOptions& options, Scene& scene, RunStart start, Progress& progress,
                    const TrainHooks& hooks);
 
 }  // namespace gs

@@ -87,7 +87,7 @@ std::unique_ptr<Backend> TrainingStart::resume(Checkpoint& checkpoint) {
                     checkpoint.iteration);
     clock_.resume(checkpoint.time);
     schedule_.resume(checkpoint.iteration, checkpoint.time ? checkpoint.time->limited_seconds : 0);
-    const Gaussians state = steps_.resume(std::move(checkpoint.state));
+    const Gaussians state = steps_.resume(std::move(checkpoint.state), checkpoint.cameras);
     std::unique_ptr<Backend> backend = empty_backend();
     backend->upload(state);
     writer_.write_config();

@@ -23,8 +23,8 @@ constexpr std::size_t kViews = 5;
 constexpr int kEpochs = 12;
 
 /// Returns some views of a glossy built-in scene. They are made once, because its rays take longer than a training.
-const Scene& glossy_scene() {
-    static const Scene scene = [] {
+Scene& glossy_scene() {
+    static Scene scene = [] {
         SceneOptions options;
         options.resolution = 40;
         Scene s = load_builtin_scene("glossy", options);

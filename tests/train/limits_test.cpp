@@ -22,8 +22,8 @@
 namespace gs {
 namespace {
 
-const Scene& scene() {
-    static const Scene scene = [] {
+Scene& scene() {
+    static Scene scene = [] {
         SceneOptions options;
         options.resolution = 32;
         return load_builtin_scene("diffuse", options);

@@ -48,7 +48,7 @@ TrainOptions options_for(const std::filesystem::path& folder, std::int64_t itera
     return o;
 }
 
-TrainSummary run(const TrainOptions& options, const Scene& scene) {
+TrainSummary run(const TrainOptions& options, Scene scene) {
     Progress progress(ProgressStyle::kSilent);
     return train(options, scene, open_run(options), progress, {});
 }

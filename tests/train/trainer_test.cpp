@@ -81,9 +81,9 @@ TrainOptions small_options(const fs::path& folder, Strategy strategy) {
     return o;
 }
 
-TrainSummary run(const TrainOptions& options, const Scene& scene) {
+TrainSummary run(const TrainOptions& options, Scene scene, const TrainHooks& hooks = {}) {
     Progress progress(ProgressStyle::kSilent);
-    return train(options, scene, open_run(options), progress, {});
+    return train(options, scene, open_run(options), progress, hooks);
 }
 
 std::string bytes_of(const fs::path& file) {
@@ -344,8 +344,7 @@ double hostile_run(const fs::path& folder, const std::string& model, double shar
     hooks.make_backend = [=](const AppearanceSpec& appearance, const EngineOptions&) {
         return std::make_unique<Backend>(std::make_unique<HostileEngine>(appearance, share));
     };
-    Progress progress(ProgressStyle::kSilent);
-    train(o, small_scene(), open_run(o), progress, hooks);
+    run(o, small_scene(), hooks);
     const Checkpoint end = read_checkpoint(RunFolder{o.model}.checkpoint(o.iterations));
     for (const auto& group : end.state.groups)
         EXPECT_TRUE(std::all_of(group.param.begin(), group.param.end(), [](float x) { return std::isfinite(x); }));
@@ -451,9 +450,8 @@ std::string failure(const TrainOptions& options, std::int64_t failing_iteration,
     hooks.make_backend = [=](const AppearanceSpec& appearance, const EngineOptions&) {
         return std::make_unique<Backend>(std::make_unique<FailingEngine>(appearance, failing_iteration, readable));
     };
-    Progress progress(ProgressStyle::kSilent);
     try {
-        train(options, small_scene(), open_run(options), progress, hooks);
+        run(options, small_scene(), hooks);
     } catch (const DeviceError& e) {
         EXPECT_EQ(e.code(), ExitCode::kDevice);
         return e.what();
@@ -594,8 +592,7 @@ TEST(Train, AutomaticCheckpointsReplaceEachOtherAndChangeNothing) {
         return std::nullopt;
     };
     with.test_iterations = {100, 110, 130, 210, 310};
-    Progress progress(ProgressStyle::kSilent);
-    train(with, small_scene(), open_run(with), progress, hooks);
+    run(with, small_scene(), hooks);
     using Names = std::vector<std::string>;
     EXPECT_EQ(seen, (std::vector<Names>{{},
                                         {"iteration_100"},
@@ -620,8 +617,7 @@ TEST(Train, AnAutomaticCheckpointThatCannotBeWrittenDoesNotEndTheRun) {
         if (iteration == 50) fs::create_directories(in_the_way / "x");
         return std::nullopt;
     };
-    Progress progress(ProgressStyle::kSilent);
-    EXPECT_EQ(train(o, small_scene(), open_run(o), progress, hooks).iterations, 250);
+    EXPECT_EQ(run(o, small_scene(), hooks).iterations, 250);
     EXPECT_TRUE(fs::is_directory(in_the_way));
 }
 
@@ -652,8 +648,7 @@ TEST(Train, TheCheckpointOfAnIterationIsItsLastFile) {
         EXPECT_TRUE(fs::exists(RunFolder{o.model}.point_cloud(iteration)));
         return std::nullopt;
     };
-    Progress progress(ProgressStyle::kSilent);
-    train(o, small_scene(), open_run(o), progress, hooks);
+    run(o, small_scene(), hooks);
     EXPECT_FALSE(early) << "a run killed then would never write what is still missing";
     EXPECT_TRUE(fs::exists(RunFolder{o.model}.checkpoint(20)));
 }
@@ -669,9 +664,8 @@ TEST(Train, AFolderThatIsRemovedOrReplacedEndsTheRun) {
             if (replaced) fs::create_directory(o.model);
             return std::nullopt;
         };
-        Progress progress(ProgressStyle::kSilent);
         try {
-            train(o, small_scene(), open_run(o), progress, hooks);
+            run(o, small_scene(), hooks);
             ADD_FAILURE() << "trained into nothing";
         } catch (const DataError& e) {
             EXPECT_NE(std::string(e.what()).find("'" + o.model + "' was removed or replaced"), std::string::npos)
@@ -738,8 +732,7 @@ TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
     };
     late.image_cache = parse_bytes("1MiB", "");
     late.deterministic = true;
-    Progress progress(ProgressStyle::kSilent);
-    const TrainSummary summary = train(late, small_scene(), open_run(late), progress, hooks);
+    const TrainSummary summary = run(late, small_scene(), hooks);
     EXPECT_EQ(last_loss(late), last_loss(direct)) << "the loss of the last step, not of one before";
     EXPECT_EQ(summary.memory.peak, 700);
     EXPECT_EQ(num_images, small_scene().train.size());

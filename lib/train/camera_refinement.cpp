@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gathers the gradients of cameras, and moves all cameras of a scene together.
+#include "lib/train/camera_refinement.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "kernels/base/error.h"
+#include "lib/core/median.h"
+#include "lib/model/initialize.h"
+
+namespace gs {
+namespace {
+
+using Eigen::Matrix3d, Eigen::Vector3d;
+
+// Cameras learn once there is geometry, and stop while the scene can still settle.
+constexpr double kFrom = 1000, kUntil = 24000;
+/// How far a camera can go along each direction, pixels. The rate follows from it and from the number of steps, and
+/// falls to 0 with half a wave of a cosine.
+constexpr double kTravel = 6, kLargestRate = 0.25;
+/// The weight of the distances of COLMAP's tracks, in pixels, in the loss.
+constexpr double kTrackWeight = 0.02;
+/// The pull towards the given pose without tracks, per pixel.
+constexpr double kPriorWeight = 1e-4;
+/// The pull of the principal point towards the given one, per pixel. A shift is nearly the same as a turn of all
+/// cameras, which the poses can learn.
+constexpr double kPrincipalPointWeight = 0.02;
+/// The largest correction as a share of the image's larger side.
+constexpr double kLargestCorrection = 0.03;
+/// Points of the scene from which the coordinates of poses follow.
+constexpr std::size_t kPoints = 5000;
+/// Number of images of a camera with which its lens learns at the full rate.
+constexpr double kViewsOfLens = 8;
+
+std::vector<Vector3d> some_points(const TrainOptions& options, const Scene& scene) {
+    const PointCloud all = initial_points(scene, init_options(options));
+    std::vector<Vector3d> points(std::min(all.positions.size(), kPoints));
+    for (std::size_t k = 0; k < points.size(); ++k)
+        points[k] = all.positions[k * all.positions.size() / points.size()].cast<double>();
+    return points;
+}
+
+double bound_of(const Camera& camera) { return kLargestCorrection * std::max(camera.width, camera.height); }
+
+}  // namespace
+
+Similarity similarity_of(const std::vector<Camera>& given, const std::vector<Camera>& now) {
+    Similarity out;
+    if (given.empty()) return out;
+    Matrix3d turn = Matrix3d::Zero();
+    Vector3d middle = Vector3d::Zero(), middle_now = Vector3d::Zero();
+    for (std::size_t k = 0; k < given.size(); ++k) {
+        turn += now[k].rotation.transpose() * given[k].rotation;
+        middle += given[k].center() / double(given.size()), middle_now += now[k].center() / double(given.size());
+    }
+    const Eigen::JacobiSVD<Matrix3d> svd(turn, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+    out.rotation = svd.matrixU() * Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+    double along = 0, size = 0, farthest = 0;
+    for (std::size_t k = 0; k < given.size(); ++k) {
+        const Vector3d off = given[k].center() - middle;
+        along += (now[k].center() - middle_now).dot(out.rotation * off);
+        size += off.squaredNorm();
+        farthest = std::max(farthest, given[k].center().norm());
+    }
+    if (size > 1e-12 * farthest * farthest && along > 0) out.scale = along / size;
+    out.shift = middle_now - out.scale * (out.rotation * middle);
+    return out;
+}
+
+LensCamera CameraRefinement::LearnedLens::learned() const {
+    LensCamera lens = given;
+    lens.fx *= std::exp(log_focal), lens.fy *= std::exp(log_focal);
+    lens.cx += cx, lens.cy += cy;
+    return lens;
+}
+
+CameraRefinement::CameraRefinement(const TrainOptions& options, Scene& scene) : scene_(scene) {
+    if (options.refine_cameras == RefineCameras::kOff) return;
+    const std::vector<Vector3d> points = some_points(options, scene);
+    views_.resize(scene.train.size());
+    for (std::size_t k = 0; k < views_.size(); ++k) {
+        const View& view = scene.train[k];
+        const Camera& camera = view.given ? *view.given : view.camera;
+        views_[k].pose = PoseLearner(camera, points);
+        const auto same = std::find_if(lenses_.begin(), lenses_.end(), [&](const LearnedLens& lens) {
+            return lens.given == static_cast<const LensCamera&>(camera);
+        });
+        views_[k].lens = std::size_t(same - lenses_.begin());
+        if (same == lenses_.end()) lenses_.push_back({.given = camera});
+        ++lenses_[views_[k].lens].num_views;
+    }
+    for (LearnedLens& lens : lenses_) lens.radius = 0.3 * std::hypot(lens.given.width, lens.given.height);
+    interval_ = std::clamp<std::int64_t>(std::int64_t(views_.size()), 10, 100);
+    fit_to_tracks();
+}
+
+bool CameraRefinement::learns(const ScheduleMoment& moment) const {
+    return is_active() && moment.position >= kFrom && moment.position < kUntil;
+}
+
+void CameraRefinement::before_step(Backend& backend, const ScheduleMoment& moment) {
+    if (gathered_ < interval_) return;
+    collect(backend);
+    gathered_ = 0;
+    const double steps = (kUntil - kFrom) / (moment.pace * double(std::max<std::size_t>(views_.size(), interval_)));
+    const double share = std::clamp((moment.position - kFrom) / (kUntil - kFrom), 0.0, 1.0);
+    move(std::min(2 * kTravel / steps, kLargestRate) * 0.5 * (1 + std::cos(std::numbers::pi * share)));
+}
+
+/// Adds the gradients that the backend has gathered to those of the views.
+void CameraRefinement::collect(Backend& backend) {
+    for (const ViewCameraGradient& found : backend.take_camera_gradients()) {
+        LearnedView& view = views_[std::size_t(found.id.view)];
+        CameraGradient<double> gradient = found.gradient;
+        // A pixel of a reduced image is several of the camera's.
+        const double pixel = 1.0 / found.id.factor;
+        double numbers[CameraGradient<double>::kSize];
+        gradient.for_each([&](int k, double number) { numbers[k] = k < 6 ? number : number * pixel; });
+        view.sum.for_each([&](int k, double& sum) { sum += numbers[k]; });
+        ++view.count;
+    }
+}
+
+/// Takes a step of all cameras that have gradients.
+void CameraRefinement::move(double rate) {
+    struct LensSum {
+        double gradient[3] = {}, count = 0;
+    };
+    std::vector<LensSum> sums(lenses_.size());
+    for (std::size_t k = 0; k < views_.size(); ++k) {
+        LearnedView& view = views_[k];
+        if (view.count == 0) continue;
+        Camera& camera = scene_.train[k].camera;
+        const Eigen::Matrix<double, 9, 1> tracks =
+            kTrackWeight * track_error(camera, scene_.train[k].observations).gradient;
+        const double mean = 1 / view.count;
+        Vector6d gradient = mean * pose_gradient(camera, view.sum) + tracks.head<6>();
+        if (scene_.train[k].observations.empty()) gradient += kPriorWeight * view.pose.pull(camera);
+        const CameraGradient<double>& sum = view.sum;
+        LensSum& lens = sums[view.lens];
+        lens.gradient[0] += mean * (sum.fx * camera.fx + sum.fy * camera.fy) + tracks[6];
+        lens.gradient[1] += mean * sum.cx + tracks[7];
+        lens.gradient[2] += mean * sum.cy + tracks[8];
+        ++lens.count;
+        view.pose.step(camera, gradient, rate, bound_of(camera));
+        view.sum = {}, view.count = 0;
+    }
+    for (std::size_t k = 0; k < lenses_.size(); ++k) {
+        LearnedLens& lens = lenses_[k];
+        if (sums[k].count == 0 || lens.given.model == CameraModel::kEquirectangular) continue;
+        double gradient[3], direction[3];
+        for (int i = 0; i < 3; ++i) gradient[i] = sums[k].gradient[i] / sums[k].count;
+        gradient[0] /= lens.radius;
+        gradient[1] += kPrincipalPointWeight * lens.cx, gradient[2] += kPrincipalPointWeight * lens.cy;
+        if (!std::isfinite(gradient[0] + gradient[1] + gradient[2])) continue;
+        adam_direction(lens.moments, 3, gradient, direction);
+        const double of_lens = rate * std::min(1.0, lens.num_views / kViewsOfLens);
+        const double most = kLargestCorrection * std::max(lens.given.width, lens.given.height);
+        lens.log_focal = std::clamp(lens.log_focal - of_lens * direction[0] / lens.radius, -0.1, 0.1);
+        lens.cx = std::clamp(lens.cx - of_lens * direction[1], -most, most);
+        lens.cy = std::clamp(lens.cy - of_lens * direction[2], -most, most);
+    }
+    set_lenses();
+    keep_gauge();
+}
+
+/// Gives the cameras of the scene the learned lenses.
+void CameraRefinement::set_lenses() {
+    for (std::size_t k = 0; k < views_.size(); ++k) {
+        View& view = scene_.train[k];
+        static_cast<LensCamera&>(view.camera) = lenses_[views_[k].lens].learned();
+        if (!view.given) view.given = std::make_shared<const Camera>(views_[k].pose.given());
+    }
+}
+
+/// Returns the mean error of the tracks of a lens's images; 0 without tracks.
+double CameraRefinement::error_of_tracks(std::size_t lens) const {
+    double sum = 0, count = 0;
+    for (std::size_t k = 0; k < views_.size(); ++k) {
+        const auto& observations = scene_.train[k].observations;
+        if (views_[k].lens != lens || observations.empty()) continue;
+        sum += track_error(scene_.train[k].camera, observations).mean * double(observations.size());
+        count += double(observations.size());
+    }
+    return count > 0 ? sum / count : 0;
+}
+
+/// Moves the cameras to where they fit the tracks best, lens by lens, if they fit clearly better there: the dataset's
+/// poses may not be those with which its points were found.
+void CameraRefinement::fit_to_tracks() {
+    constexpr std::size_t kFewest = 20;
+    constexpr int kRounds = 10;
+    constexpr double kDamping = 1e-4, kClearly = 0.9;
+    using Matrix63 = Eigen::Matrix<double, 6, 3>;
+    for (std::size_t l = 0; l < lenses_.size(); ++l) {
+        const double before = error_of_tracks(l);
+        if (before == 0) continue;
+        const LearnedLens lens_before = lenses_[l];
+        std::vector<Camera> cameras_before;
+        for (const View& view : scene_.train) cameras_before.push_back(view.camera);
+        for (int round = 0; round < kRounds; ++round) {
+            // The poses are eliminated from the normal equations.
+            Matrix3d of_lens = Matrix3d::Zero();
+            Vector3d toward_lens = Vector3d::Zero();
+            std::vector<std::pair<Vector6d, Matrix63>> of_poses(views_.size(), {Vector6d::Zero(), Matrix63::Zero()});
+            for (std::size_t k = 0; k < views_.size(); ++k) {
+                const auto& observations = scene_.train[k].observations;
+                if (views_[k].lens != l || observations.size() < kFewest) continue;
+                TrackError error = track_error(scene_.train[k].camera, observations);
+                error.hessian.diagonal() *= 1 + kDamping;
+                const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> pose(error.hessian.topLeftCorner<6, 6>());
+                const Matrix63 mixed = error.hessian.topRightCorner<6, 3>();
+                of_poses[k] = {pose.solve(error.gradient.head<6>()), pose.solve(mixed)};
+                of_lens += error.hessian.bottomRightCorner<3, 3>() - mixed.transpose() * of_poses[k].second;
+                toward_lens += error.gradient.tail<3>() - mixed.transpose() * of_poses[k].first;
+            }
+            const Vector3d by_lens = -of_lens.ldlt().solve(toward_lens);
+            if (!by_lens.allFinite()) break;
+            lenses_[l].log_focal += by_lens[0], lenses_[l].cx += by_lens[1], lenses_[l].cy += by_lens[2];
+            for (std::size_t k = 0; k < views_.size(); ++k) {
+                const Vector6d by = -(of_poses[k].first + of_poses[k].second * by_lens);
+                if (views_[k].lens == l && by.allFinite() && !by.isZero(0))
+                    scene_.train[k].camera = moved_by(scene_.train[k].camera, by);
+            }
+            set_lenses();
+        }
+        if (error_of_tracks(l) < kClearly * before) continue;
+        lenses_[l] = lens_before;
+        for (std::size_t k = 0; k < views_.size(); ++k) scene_.train[k].camera = cameras_before[k];
+    }
+}
+
+std::vector<Camera> CameraRefinement::given_cameras() const {
+    std::vector<Camera> given;
+    for (const LearnedView& view : views_) given.push_back(view.pose.given());
+    return given;
+}
+
+/// Takes back the part of all corrections that moves the whole: neither the place, the orientation nor the size of the
+/// scene changes.
+void CameraRefinement::keep_gauge() {
+    std::vector<Camera> now;
+    for (const View& view : scene_.train) now.push_back(view.camera);
+    const Similarity drift = similarity_of(given_cameras(), now);
+    for (View& view : scene_.train) {
+        const Vector3d center = drift.rotation.transpose() * (view.camera.center() - drift.shift) / drift.scale;
+        view.camera.rotation = view.camera.rotation * drift.rotation;
+        view.camera.translation = -(view.camera.rotation * center);
+    }
+}
+
+CameraCorrections CameraRefinement::corrections() const {
+    CameraCorrections out;
+    for (std::size_t k = 0; k < views_.size(); ++k)
+        out.pixels.push_back(views_[k].pose.way_to(scene_.train[k].camera).norm());
+    for (const double pixels : out.pixels) out.largest = std::max(out.largest, pixels);
+    if (!out.pixels.empty()) out.median = median(out.pixels);
+    for (const LearnedLens& lens : lenses_) out.focal = std::max(out.focal, std::abs(std::expm1(lens.log_focal)));
+    return out;
+}
+
+CameraState CameraRefinement::state(Backend& backend) {
+    CameraState state;
+    if (!is_active()) return state;
+    collect(backend);
+    state.gathered = gathered_;
+    for (std::size_t k = 0; k < views_.size(); ++k) {
+        LearnedView& view = views_[k];
+        const Camera& camera = scene_.train[k].camera;
+        auto& row = state.views.emplace_back();
+        for (int i = 0; i < 9; ++i) row.push_back(camera.rotation(i / 3, i % 3));
+        for (int i = 0; i < 3; ++i) row.push_back(camera.translation[i]);
+        row.insert(row.end(), view.pose.moments(), view.pose.moments() + PoseLearner::kMoments);
+        view.sum.for_each([&](int, double sum) { row.push_back(sum); });
+        row.push_back(view.count);
+    }
+    for (const LearnedLens& lens : lenses_) {
+        auto& row = state.lenses.emplace_back(std::vector<double>{lens.log_focal, lens.cx, lens.cy});
+        row.insert(row.end(), std::begin(lens.moments), std::end(lens.moments));
+    }
+    return state;
+}
+
+void CameraRefinement::resume(const CameraState& state) {
+    if (!is_active() || state.views.empty()) return;
+    if (state.views.size() != views_.size() || state.lenses.size() != lenses_.size())
+        throw DataError(fmt::format("the checkpoint has refined {} views of {} cameras, the scene has {} of {}",
+                                    state.views.size(), state.lenses.size(), views_.size(), lenses_.size()));
+    gathered_ = state.gathered;
+    for (std::size_t k = 0; k < lenses_.size(); ++k) {
+        const double* at = state.lenses[k].data();
+        lenses_[k].log_focal = *at++, lenses_[k].cx = *at++, lenses_[k].cy = *at++;
+        for (double& moment : lenses_[k].moments) moment = *at++;
+    }
+    for (std::size_t k = 0; k < views_.size(); ++k) {
+        LearnedView& view = views_[k];
+        Camera& camera = scene_.train[k].camera;
+        scene_.train[k].given = std::make_shared<const Camera>(view.pose.given());
+        const double* at = state.views[k].data();
+        for (int i = 0; i < 9; ++i) camera.rotation(i / 3, i % 3) = *at++;
+        for (int i = 0; i < 3; ++i) camera.translation[i] = *at++;
+        for (int i = 0; i < PoseLearner::kMoments; ++i) view.pose.moments()[i] = *at++;
+        view.sum.for_each([&](int, double& sum) { sum = *at++; });
+        view.count = *at++;
+        static_cast<LensCamera&>(camera) = lenses_[view.lens].learned();
+    }
+}
+
+}  // namespace gs

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// Learns the cameras of the training views beside the scene: poses, focal lengths and principal points
+// (docs/math/cameras.md).
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "kernels/ranks/backend.h"
+#include "lib/core/train_options.h"
+#include "lib/model/checkpoint.h"
+#include "lib/scene/scene.h"
+#include "lib/train/pose_learner.h"
+#include "lib/train/timeline.h"
+
+namespace gs {
+
+/// A similarity of the world, x -> scale * rotation * x + shift.
+struct Similarity {
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    double scale = 1;
+    Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+};
+
+/// Returns the similarity that brings given cameras to where the same cameras are now on the whole: their mean turn,
+/// the ratio of their sizes along the given ones, and the shift of their middle. The scale is 1 if the given cameras
+/// are in one place.
+Similarity similarity_of(const std::vector<Camera>& given, const std::vector<Camera>& now);
+
+/// How far cameras have moved from where they were given.
+struct CameraCorrections {
+    std::vector<double> pixels;      ///< by view: root mean square over the points that it sees
+    double median = 0, largest = 0;  ///< of these
+    double focal = 0;                ///< largest relative change of a focal length
+};
+
+/// Learns the cameras of a scene's training views, which it changes in place.
+class CameraRefinement {
+  public:
+    /// Does nothing unless the options ask for it. `scene` must outlive the object.
+    CameraRefinement(const TrainOptions& options, Scene& scene);
+
+    bool is_active() const { return !views_.empty(); }
+    /// Returns whether a step at `moment` gathers the gradients of its cameras.
+    bool learns(const ScheduleMoment& moment) const;
+    /// Moves the cameras if enough gradients were gathered. Call it before each step.
+    void before_step(Backend& backend, const ScheduleMoment& moment);
+    /// Counts the views of a step that gathers gradients.
+    void count(std::int64_t views) { gathered_ += views; }
+
+    /// Returns what a checkpoint needs, with the gradients gathered so far.
+    CameraState state(Backend& backend);
+    /// Continues from a checkpoint. Throws DataError if it has other views or cameras.
+    void resume(const CameraState& state);
+
+    /// Returns the corrections of all training views.
+    CameraCorrections corrections() const;
+
+  private:
+    struct LearnedView {
+        PoseLearner pose;
+        std::size_t lens = 0;
+        CameraGradient<double> sum{};  ///< of the gradients since the last step
+        double count = 0;              ///< number of these gradients
+    };
+    /// The focal lengths and the principal point of the images of one camera.
+    struct LearnedLens {
+        LensCamera given;
+        double num_views = 0;
+        double radius = 1;       ///< root mean square distance of points from the principal point, pixels
+        double log_focal = 0;    ///< logarithm of the factor of both focal lengths
+        double cx = 0, cy = 0;   ///< shifts of the principal point, pixels
+        double moments[5] = {};  ///< as of adam_direction(), of log_focal * radius, cx and cy
+
+        LensCamera learned() const;
+    };
+
+    void fit_to_tracks();
+    double error_of_tracks(std::size_t lens) const;
+    void collect(Backend& backend);
+    void move(double rate);
+    void set_lenses();
+    void keep_gauge();
+    std::vector<Camera> given_cameras() const;
+
+    Scene& scene_;
+    std::int64_t interval_ = 0;  ///< number of gradients between two steps of the cameras
+    std::int64_t gathered_ = 0;  ///< number since the last step
+    std::vector<LearnedView> views_;
+    std::vector<LearnedLens> lenses_;
+};
+
+}  // namespace gs

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// Coordinates of a pose in pixels, and steps in them.
+#include "lib/train/pose_learner.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "lib/scene/camera_params.h"
+
+namespace gs {
+namespace {
+
+using Eigen::Matrix3d, Eigen::Vector2d, Eigen::Vector3d;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+Matrix3d cross_matrix(const Vector3d& v) {
+    return (Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
+}
+
+Matrix3d turn_by(const Vector3d& w) {
+    const double angle = w.norm();
+    return angle > 0 ? Eigen::AngleAxisd(angle, w / angle).toRotationMatrix() : Matrix3d::Identity();
+}
+
+Vector3d turn_of(const Matrix3d& rotation) {
+    const Eigen::AngleAxisd turn(rotation);
+    return turn.angle() * turn.axis();
+}
+
+bool is_in_image(const Camera& camera, const Vector2d& at) {
+    return at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height;
+}
+
+}  // namespace
+
+Camera moved_by(Camera camera, const Vector6d& by) {
+    const Vector3d center = camera.center() + camera.rotation.transpose() * by.tail<3>();
+    camera.rotation = turn_by(by.head<3>()) * camera.rotation;
+    camera.translation = -(camera.rotation * center);
+    return camera;
+}
+
+Eigen::Matrix<double, 2, 6> PixelOfPoint::by_pose(const Vector3d& point) const {
+    Eigen::Matrix<double, 2, 6> out;
+    out << by_point * -cross_matrix(point), -by_point;
+    return out;
+}
+
+std::optional<PixelOfPoint> pixel_of(const Camera& camera, const Vector3d& point) {
+    if (!camera.is_used_at(point)) return {};
+    const auto at = project(camera, point);
+    if (!at) return {};
+    PixelOfPoint out{*at, Eigen::Matrix<double, 2, 3>::Zero()};
+    if (is_pinhole(camera)) {
+        const double inverse = 1 / point.z();
+        out.by_point << camera.fx * inverse, 0, -camera.fx * point.x() * inverse * inverse,  //
+            0, camera.fy * inverse, -camera.fy * point.y() * inverse * inverse;
+        return out;
+    }
+    const double distance = point.norm();
+    const Vec3<double> d{point.x() / distance, point.y() / distance, point.z() / distance};
+    Vec3<double> e1, e2;
+    tangent_basis(d, e1, e2);
+    const LensPoint<double> p = lens_point_at(kernel_lens<double>(camera, camera.range), d, e1, e2);
+    const Eigen::RowVector3d a(e1.x, e1.y, e1.z), b(e2.x, e2.y, e2.z);
+    out.by_point.row(0) = camera.fx / distance * (p.x.x * a + p.x.y * b);
+    out.by_point.row(1) = camera.fy / distance * (p.y.x * a + p.y.y * b);
+    return out;
+}
+
+TrackError track_error(const Camera& camera, const std::vector<PointObservation>& observations) {
+    TrackError out;
+    const Vector2d size(camera.width, camera.height), middle(camera.cx, camera.cy);
+    const double share = 1 / double(observations.size());
+    for (const PointObservation& seen : observations) {
+        const Vector3d point = camera.rotation * seen.point + camera.translation;
+        const auto pixel = pixel_of(camera, point);
+        if (!pixel) continue;
+        const Vector2d off = pixel->at - seen.at.cwiseProduct(size);
+        const double distance = off.norm(), weight = share / std::max(1.0, distance);
+        Eigen::Matrix<double, 2, 9> by;
+        by << pixel->by_pose(point), pixel->at - middle, Eigen::Matrix2d::Identity();
+        out.mean += share * (distance > 1 ? distance - 0.5 : 0.5 * distance * distance);
+        out.gradient += by.transpose() * off * weight;
+        out.hessian += by.transpose() * by * weight;
+    }
+    return out;
+}
+
+Vector6d pose_gradient(const Camera& camera, const CameraGradient<double>& gradient) {
+    Vector6d out;
+    out << camera.rotation * Vector3d(gradient.rotation.x, gradient.rotation.y, gradient.rotation.z),
+        camera.rotation * Vector3d(gradient.position.x, gradient.position.y, gradient.position.z);
+    return out;
+}
+
+PoseLearner::PoseLearner(const Camera& given, const std::vector<Vector3d>& points) : given_(given) {
+    // Coordinates along which the points hardly move are not to take long ways.
+    constexpr double kLeast = 0.01;
+    Matrix6d sum = Matrix6d::Zero();
+    double count = 0;
+    const auto add = [&](const Vector3d& point) {
+        const auto pixel = pixel_of(given, point);
+        if (!pixel || !is_in_image(given, pixel->at)) return;
+        const auto by_pose = pixel->by_pose(point);
+        sum += by_pose.transpose() * by_pose;
+        ++count;
+    };
+    for (const Vector3d& point : points) {
+        const Vector3d in_camera = given.rotation * point + given.translation;
+        if (in_camera.norm() >= CameraParams<double>{}.near_plane) add(in_camera);
+    }
+    if (count < 6) {  // a wall of the scene's usual size before the camera
+        for (const double x : {-0.3, 0.0, 0.3})
+            for (const double y : {-0.3, 0.0, 0.3}) add(Vector3d(x, y, 1) * (5 + x + y));
+    }
+    if (count == 0) return;
+    sum /= count;
+    const Vector6d scale = sum.diagonal().cwiseMax(1e-12).cwiseSqrt();
+    const Matrix6d scaled = scale.cwiseInverse().asDiagonal() * sum * scale.cwiseInverse().asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(scaled);
+    const Vector6d roots = solver.eigenvalues().cwiseMax(kLeast).cwiseSqrt();
+    const Matrix6d& axes = solver.eigenvectors();
+    from_pixels_ = scale.cwiseInverse().asDiagonal() * axes * roots.cwiseInverse().asDiagonal() * axes.transpose();
+    to_pixels_ = axes * roots.asDiagonal() * axes.transpose() * scale.asDiagonal();
+}
+
+Vector6d PoseLearner::way_to(const Camera& camera) const {
+    Vector6d by;
+    by << turn_of(camera.rotation * given_.rotation.transpose()), given_.rotation * (camera.center() - given_.center());
+    return to_pixels_ * by;
+}
+
+Camera PoseLearner::moved(Camera camera, const Vector6d& way) const {
+    camera.rotation = given_.rotation, camera.translation = given_.translation;
+    return moved_by(camera, from_pixels_ * way);
+}
+
+void PoseLearner::step(Camera& camera, const Vector6d& gradient, double rate, double bound) {
+    const Vector6d by_pixels = from_pixels_.transpose() * gradient;
+    if (!by_pixels.allFinite()) return;
+    Vector6d direction;
+    adam_direction(moments_, 6, by_pixels.data(), direction.data());
+    camera = moved_by(camera, from_pixels_ * (-rate * direction));
+    const Vector6d way = way_to(camera);
+    if (const double length = way.norm(); length > bound) camera = moved(camera, way * (bound / length));
+}
+
+void adam_direction(double* moments, int size, const double* gradient, double* direction) {
+    constexpr double kFirst = 0.9, kSecond = 0.98;
+    double &second = moments[size], &steps = moments[size + 1], square = 0;
+    for (int k = 0; k < size; ++k) {
+        moments[k] = kFirst * moments[k] + (1 - kFirst) * gradient[k];
+        square += gradient[k] * gradient[k] / size;
+    }
+    second = kSecond * second + (1 - kSecond) * square;
+    ++steps;
+    const double root = std::sqrt(second / (1 - std::pow(kSecond, steps)));
+    for (int k = 0; k < size; ++k) direction[k] = root > 0 ? moments[k] / (1 - std::pow(kFirst, steps)) / root : 0;
+}
+
+}  // namespace gs
