@@ -26,7 +26,7 @@ constexpr double kFrom = 1000, kUntil = 24000;
 /// falls to 0 with half a wave of a cosine.
 constexpr double kTravel = 6, kLargestRate = 0.25;
 /// The weight of the distances of COLMAP's tracks, in pixels, in the loss.
-constexpr double kTrackWeight = 0.02;
+constexpr double kTrackWeight = 0.1;
 /// The pull towards the given pose without tracks, per pixel.
 constexpr double kPriorWeight = 1e-4;
 /// The pull of the principal point towards the given one, per pixel. A shift is nearly the same as a turn of all
@@ -169,6 +169,7 @@ void CameraRefinement::move(double rate) {
         lens.cy = std::clamp(lens.cy - of_lens * direction[2], -most, most);
     }
     set_lenses();
+    keep_common_part();
     keep_gauge();
 }
 
@@ -242,6 +243,19 @@ std::vector<Camera> CameraRefinement::given_cameras() const {
     std::vector<Camera> given;
     for (const LearnedView& view : views_) given.push_back(view.pose.given());
     return given;
+}
+
+/// Takes back the part of the corrections that the cameras of a lens have in common in their own axes: that is how the
+/// lens sits before them, which other images of it, such as test images, share.
+void CameraRefinement::keep_common_part() {
+    std::vector<Vector6d> sums(lenses_.size(), Vector6d::Zero());
+    for (std::size_t k = 0; k < views_.size(); ++k)
+        sums[views_[k].lens] += correction_of(views_[k].pose.given(), scene_.train[k].camera);
+    for (std::size_t k = 0; k < views_.size(); ++k) {
+        const LearnedLens& lens = lenses_[views_[k].lens];
+        if (lens.num_views < kViewsOfLens) continue;
+        scene_.train[k].camera = moved_by(scene_.train[k].camera, -sums[views_[k].lens] / lens.num_views);
+    }
 }
 
 /// Takes back the part of all corrections that moves the whole: neither the place, the orientation nor the size of the

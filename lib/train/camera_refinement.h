@@ -81,6 +81,7 @@ class CameraRefinement {
     void collect(Backend& backend);
     void move(double rate);
     void set_lenses();
+    void keep_common_part();
     void keep_gauge();
     std::vector<Camera> given_cameras() const;
 

@@ -42,6 +42,12 @@ Camera moved_by(Camera camera, const Vector6d& by) {
     return camera;
 }
 
+Vector6d correction_of(const Camera& given, const Camera& now) {
+    Vector6d by;
+    by << turn_of(now.rotation * given.rotation.transpose()), given.rotation * (now.center() - given.center());
+    return by;
+}
+
 Eigen::Matrix<double, 2, 6> PixelOfPoint::by_pose(const Vector3d& point) const {
     Eigen::Matrix<double, 2, 6> out;
     out << by_point * -cross_matrix(point), -by_point;
@@ -127,11 +133,7 @@ PoseLearner::PoseLearner(const Camera& given, const std::vector<Vector3d>& point
     to_pixels_ = axes * roots.asDiagonal() * axes.transpose() * scale.asDiagonal();
 }
 
-Vector6d PoseLearner::way_to(const Camera& camera) const {
-    Vector6d by;
-    by << turn_of(camera.rotation * given_.rotation.transpose()), given_.rotation * (camera.center() - given_.center());
-    return to_pixels_ * by;
-}
+Vector6d PoseLearner::way_to(const Camera& camera) const { return to_pixels_ * correction_of(given_, camera); }
 
 Camera PoseLearner::moved(Camera camera, const Vector6d& way) const {
     camera.rotation = given_.rotation, camera.translation = given_.translation;

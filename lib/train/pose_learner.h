@@ -29,6 +29,9 @@ std::optional<PixelOfPoint> pixel_of(const Camera& camera, const Eigen::Vector3d
 /// Returns the camera turned about its centre and then shifted, both in the axes that it had before.
 Camera moved_by(Camera camera, const Vector6d& by);
 
+/// Returns the turn and shift, in the axes of `given`, by which moved_by() makes it `now`.
+Vector6d correction_of(const Camera& given, const Camera& now);
+
 /// The mean Huber distance, in pixels, between where an image shows its points and where its camera does: half the
 /// square up to 1 pixel, linear beyond. With its gradient and its Hessian (Gauss-Newton) by turn and shift, then by the
 /// common logarithm of the focal lengths and the principal point. All 0 without observations.

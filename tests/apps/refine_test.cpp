@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// A run with learned cameras from training to evaluation, and a second run on its cameras.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "lib/core/json_text.h"
+#include "tests/apps/program.h"
+#include "tests/scene/scene_fixture.h"
+
+namespace gs::test {
+namespace {
+
+TEST(RefineCommand, TrainsScoresAndTrainsOnItsCameras) {
+    Program program;
+    write_colmap_scene(program.path("scene"), numbered(10));
+    const std::string options = " --device cpu --eval --cap-max 50 --iterations 60";
+    const auto expect_ok = [&](const std::string& arguments) {
+        const Outcome outcome = program.run(arguments);
+        EXPECT_EQ(outcome.exit_code, 0) << arguments << "\n" << outcome.err;
+        return outcome;
+    };
+    const Outcome trained = expect_ok("train -s scene -m run --refine-cameras on" + options);
+    EXPECT_NE(trained.err.find("cameras: moved by"), std::string::npos) << trained.err;
+    const auto listed = parse_json(program.read("run/cameras.json"));
+    std::size_t refined = 0;
+    for (const auto& entry : listed) refined += entry.contains("given");
+    EXPECT_EQ(refined, 8u) << "training images";
+
+    const Outcome scored = expect_ok("eval run --align-test cameras --device cpu");
+    EXPECT_NE(scored.err.find("aligned to the model"), std::string::npos) << scored.err;
+    const auto results = parse_json(program.read("run/results.json"));
+    EXPECT_TRUE(results["aligned_cameras"]["ours_60"]["aligned_psnr"].is_number());
+    EXPECT_TRUE(results["protocol"]["ours_60"].contains("aligned_cameras"));
+    EXPECT_EQ(scored.out.find("aligned"), std::string::npos) << "tables have the given cameras";
+
+    expect_ok("render run --views train -o pictures");
+    expect_ok("train -s run/refined -m again" + options);
+    const auto again = parse_json(program.read("again/cameras.json"));
+    ASSERT_EQ(again.size(), listed.size());
+    for (std::size_t k = 0; k < again.size(); ++k)
+        for (int axis = 0; axis < 3; ++axis)
+            EXPECT_NEAR(again[k]["position"][axis].get<double>(), listed[k]["position"][axis].get<double>(), 1e-6);
+}
+
+}  // namespace
+}  // namespace gs::test
