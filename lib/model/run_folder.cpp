@@ -122,10 +122,20 @@ void remove_iterations(const RunFolder& folder, std::int64_t after) {
     for (const char* name : {"point_cloud", "checkpoints", "preview"}) remove_if_empty(folder.root / name);
 }
 
+/// Removes the files of write_refined_scene().
+void remove_refined_scene(const RunFolder& folder) {
+    const fs::path refined = folder.refined_scene(), model = refined / "sparse" / "0";
+    for (const char* name : {"cameras.txt", "images.txt", "points3D.txt", "test.txt"}) remove_file(model / name);
+    remove_file(refined / "transforms.json");
+    std::error_code error;
+    if (fs::is_symlink(refined / "images", error)) fs::remove(refined / "images", error);
+    for (const fs::path& path : {model, refined / "sparse", refined}) remove_if_empty(path);
+}
+
 /// Removes the temporary files of killed runs from the folders that runs write to.
 void remove_leftovers_of_runs(const RunFolder& folder) {
     std::vector<fs::path> folders = {folder.root};
-    for (const char* name : {"point_cloud", "checkpoints", "preview", "stats", "test", "train", "renders"}) {
+    for (const char* name : {"point_cloud", "checkpoints", "preview", "stats", "test", "train", "renders", "refined"}) {
         folders.push_back(folder.root / name);
         std::error_code error;
         for (fs::recursive_directory_iterator it(folders.back(), error), end; !error && it != end; it.increment(error))
@@ -173,9 +183,9 @@ bool is_of_no_account(const RunFolder& folder, const fs::path& entry) {
 
 /// Returns the first existing file or folder with a name that a run writes; empty if there is none.
 fs::path taken_name(const RunFolder& folder) {
-    for (const fs::path& path :
-         {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
-          folder.per_view(), folder.ppisp(), folder.train_log(), folder.root / "comparison.png"})
+    for (const fs::path& path : {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(),
+                                 folder.results(), folder.per_view(), folder.ppisp(), folder.train_log(),
+                                 folder.root / "comparison.png", folder.refined_scene()})
         if (path_exists(path)) return path;
     if (path_exists(folder.appearance_choice()) && !is_of_no_account(folder, folder.appearance_choice()))
         return folder.appearance_choice();
@@ -348,7 +358,8 @@ void replace_earlier_run(const RunFolder& folder, const std::string& config,
                          std::optional<std::int64_t> resume_iteration) {
     write_text_atomic(folder.config(), config);
     remove_iterations(folder, resume_iteration.value_or(-1));
-    remove_file(folder.ppisp());  // written at the end of a run
+    remove_file(folder.ppisp());  // written at the end of a run, as are these cameras
+    remove_refined_scene(folder);
     if (resume_iteration) return;
     for (const auto& path : {folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
                              folder.per_view(), folder.appearance_choice(), folder.train_log()}) {

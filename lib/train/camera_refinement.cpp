@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "kernels/base/error.h"
+#include "lib/core/log.h"
 #include "lib/core/median.h"
 #include "lib/model/initialize.h"
 
@@ -304,7 +305,11 @@ CameraState CameraRefinement::state(Backend& backend) {
 }
 
 void CameraRefinement::resume(const CameraState& state) {
-    if (!is_active() || state.views.empty()) return;
+    if (state.views.empty()) return;
+    if (!is_active()) {
+        log_warning("the checkpoint has learned cameras, which are not used: --refine-cameras is off");
+        return;
+    }
     if (state.views.size() != views_.size() || state.lenses.size() != lenses_.size())
         throw DataError(fmt::format("the checkpoint has refined {} views of {} cameras, the scene has {} of {}",
                                     state.views.size(), state.lenses.size(), views_.size(), lenses_.size()));

@@ -68,7 +68,7 @@ class CameraRefinement {
     struct LearnedLens {
         LensCamera given;
         double num_views = 0;
-        double radius = 1;       ///< root mean square distance of points from the principal point, pixels
+        double radius = 1;       ///< root mean square distance of pixels from the middle
         double log_focal = 0;    ///< logarithm of the factor of both focal lengths
         double cx = 0, cy = 0;   ///< shifts of the principal point, pixels
         double moments[5] = {};  ///< as of adam_direction(), of log_focal * radius, cx and cy

@@ -2,6 +2,7 @@
 // A run with learned cameras from training to evaluation, and a second run on its cameras.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "lib/core/json_text.h"
@@ -35,6 +36,13 @@ TEST(RefineCommand, TrainsScoresAndTrainsOnItsCameras) {
     EXPECT_EQ(scored.out.find("aligned"), std::string::npos) << "tables have the given cameras";
 
     expect_ok("render run --views train -o pictures");
+    // Another run in the same folder has no such cameras.
+    expect_ok("train -s scene -m other --refine-cameras on" + options);
+    EXPECT_TRUE(std::filesystem::exists(program.path("other/refined/transforms.json")));
+    expect_ok("train -s scene -m other --overwrite" + options);
+    EXPECT_FALSE(std::filesystem::exists(program.path("other/refined")));
+    EXPECT_TRUE(std::filesystem::exists(program.path("scene/images")));
+
     expect_ok("train -s run/refined -m again" + options);
     const auto again = parse_json(program.read("again/cameras.json"));
     ASSERT_EQ(again.size(), listed.size());
