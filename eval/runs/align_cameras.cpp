@@ -30,15 +30,6 @@ std::vector<Eigen::Vector3d> some_means(Backend& backend) {
     return points;
 }
 
-/// Gives a camera the lens that training views with the same lens have learned.
-void take_learned_lens(const Scene& scene, LensCamera& lens) {
-    for (const View& view : scene.train)
-        if (view.given && lens == static_cast<const LensCamera&>(*view.given)) {
-            lens = view.camera;
-            return;
-        }
-}
-
 }  // namespace
 
 AlignedViews align_test_cameras(Backend& backend, const Scene& scene, const Vec3<float>& background) {
@@ -46,7 +37,6 @@ AlignedViews align_test_cameras(Backend& backend, const Scene& scene, const Vec3
     const std::vector<Eigen::Vector3d> points = some_means(backend);
     std::vector<double> pixels;
     for (View& view : out.views) {
-        take_learned_lens(scene, view.camera);
         PoseLearner pose(view.camera, points);
         const auto image = view_image(view);
         const double bound = kLargestCorrection * std::max(view.camera.width, view.camera.height);

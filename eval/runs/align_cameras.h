@@ -16,9 +16,8 @@ struct AlignedViews {
 };
 
 /// Returns the test views of a scene with the poses at which a model looks most like their photographs, by the loss of
-/// the training. The model stays as it is. A view whose lens is that of training views has the lens that was learned
-/// for these. Changes the optimizer's moments on the backend, so that no training may follow. Throws DataError if an
-/// image cannot be read.
+/// the training. The model and the lenses stay as they are. Changes the optimizer's moments on the backend, so that no
+/// training may follow. Throws DataError if an image cannot be read.
 AlignedViews align_test_cameras(Backend& backend, const Scene& scene, const Vec3<float>& background);
 
 }  // namespace gs

@@ -252,8 +252,8 @@ nlohmann::ordered_json protocol_json(const EvalOptions& options, const Vec3<floa
     };
     if (options.align_cameras)
         json["aligned_cameras"] =
-            "the same with the pose of each test view fitted to the finished model by the loss of the training, and "
-            "the learned lens if training views share it: uses the test images, does not compare with PSNR and SSIM";
+            "the same with the pose of each test view fitted to the finished model by the loss of the training: uses "
+            "the test images, does not compare with PSNR and SSIM";
     for (const Metric& metric : options.metrics) json[metric.info.name] = metric.protocol + ", mean over images";
     return json;
 }

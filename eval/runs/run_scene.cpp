@@ -166,13 +166,14 @@ void set_refined_cameras(const fs::path& run_folder, Scene& scene) {
     std::map<std::string, Camera> refined;
     for (const ListedView& view : read_cameras_json(RunFolder{run_folder}.cameras()))
         if (view.refined) refined[view.name] = *view.refined;
-    for (View& view : scene.train) {
-        const auto found = refined.find(view.name);
-        if (found == refined.end()) continue;
-        Camera camera = resized(into_frame(found->second, scene.frame), view.camera.width, view.camera.height);
-        camera.range = view.camera.range;
-        view.given = std::make_shared<const Camera>(std::exchange(view.camera, camera));
-    }
+    for (auto* views : {&scene.train, &scene.test})
+        for (View& view : *views) {
+            const auto found = refined.find(view.name);
+            if (found == refined.end()) continue;
+            Camera camera = resized(into_frame(found->second, scene.frame), view.camera.width, view.camera.height);
+            camera.range = view.camera.range;
+            view.given = std::make_shared<const Camera>(std::exchange(view.camera, camera));
+        }
 }
 
 Scene load_run_scene(const fs::path& run_folder, const TrainOptions& options, const LoadRules& rules) {

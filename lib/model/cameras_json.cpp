@@ -102,8 +102,9 @@ std::string cameras_json(const Scene& scene) {
 std::string with_refined_cameras(const std::string& cameras, const Scene& scene) {
     nlohmann::ordered_json list = nlohmann::ordered_json::parse(cameras);
     std::map<std::string, const View*> refined;
-    for (const View& view : scene.train)
-        if (view.given) refined[view.name] = &view;
+    for (const auto* views : {&scene.train, &scene.test})
+        for (const View& view : *views)
+            if (view.given) refined[view.name] = &view;
     for (nlohmann::ordered_json& entry : list) {
         const auto found = refined.find(entry.at("img_name").get<std::string>());
         if (found == refined.end()) continue;

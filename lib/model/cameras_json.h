@@ -21,8 +21,8 @@ namespace gs {
 /// view whose camera was learned also has the dataset's, as "given": {position, rotation, fy, fx, cx, cy}.
 std::string cameras_json(const Scene& scene);
 
-/// Returns the text `cameras` of such a list with the learned cameras of the scene's training views. Their entries
-/// state the dataset's camera as "given".
+/// Returns the text `cameras` of such a list with the learned cameras of the scene. Their entries state the dataset's
+/// camera as "given".
 std::string with_refined_cameras(const std::string& cameras, const Scene& scene);
 
 /// Sets the lens that an entry of such a list states, if it does, without its range. Throws DataError or

@@ -174,12 +174,20 @@ void CameraRefinement::move(double rate) {
     keep_gauge();
 }
 
-/// Gives the cameras of the scene the learned lenses.
+/// Gives the cameras of the scene the learned lenses, those of test images with the same lens, too.
 void CameraRefinement::set_lenses() {
     for (std::size_t k = 0; k < views_.size(); ++k) {
         View& view = scene_.train[k];
         static_cast<LensCamera&>(view.camera) = lenses_[views_[k].lens].learned();
         if (!view.given) view.given = std::make_shared<const Camera>(views_[k].pose.given());
+    }
+    for (View& view : scene_.test) {
+        const LensCamera given = view.given ? *view.given : view.camera;
+        for (const LearnedLens& lens : lenses_) {
+            if (lens.given != given) continue;
+            if (!view.given) view.given = std::make_shared<const Camera>(view.camera);
+            static_cast<LensCamera&>(view.camera) = lens.learned();
+        }
     }
 }
 
@@ -237,6 +245,7 @@ void CameraRefinement::fit_to_tracks() {
         if (error_of_tracks(l) < kClearly * before) continue;
         lenses_[l] = lens_before;
         for (std::size_t k = 0; k < views_.size(); ++k) scene_.train[k].camera = cameras_before[k];
+        set_lenses();
     }
 }
 
@@ -322,15 +331,14 @@ void CameraRefinement::resume(const CameraState& state) {
     for (std::size_t k = 0; k < views_.size(); ++k) {
         LearnedView& view = views_[k];
         Camera& camera = scene_.train[k].camera;
-        scene_.train[k].given = std::make_shared<const Camera>(view.pose.given());
         const double* at = state.views[k].data();
         for (int i = 0; i < 9; ++i) camera.rotation(i / 3, i % 3) = *at++;
         for (int i = 0; i < 3; ++i) camera.translation[i] = *at++;
         for (int i = 0; i < PoseLearner::kMoments; ++i) view.pose.moments()[i] = *at++;
         view.sum.for_each([&](int, double& sum) { sum = *at++; });
         view.count = *at++;
-        static_cast<LensCamera&>(camera) = lenses_[view.lens].learned();
     }
+    set_lenses();
 }
 
 }  // namespace gs

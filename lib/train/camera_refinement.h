@@ -35,7 +35,8 @@ struct CameraCorrections {
     double focal = 0;                ///< largest relative change of a focal length
 };
 
-/// Learns the cameras of a scene's training views, which it changes in place.
+/// Learns the cameras of a scene's training views, which it changes in place. Test views with the same lens get the
+/// learned lens, and keep their poses.
 class CameraRefinement {
   public:
     /// Does nothing unless the options ask for it. `scene` must outlive the object.

@@ -26,7 +26,11 @@ TEST(RefineCommand, TrainsScoresAndTrainsOnItsCameras) {
     const auto listed = parse_json(program.read("run/cameras.json"));
     std::size_t refined = 0;
     for (const auto& entry : listed) refined += entry.contains("given");
-    EXPECT_EQ(refined, 8u) << "training images";
+    EXPECT_EQ(refined, 10u) << "test images have the learned lens";
+    for (const auto& entry : listed)
+        if (entry["split"] == "test") {
+            EXPECT_EQ(entry["position"], entry["given"]["position"]);
+        }
 
     const Outcome scored = expect_ok("eval run --align-test cameras --device cpu");
     EXPECT_NE(scored.err.find("aligned to the model"), std::string::npos) << scored.err;

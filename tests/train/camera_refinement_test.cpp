@@ -239,7 +239,7 @@ TEST(CameraRefinement, PhotographsBringPosesBackAndTheWholeStays) {
     const auto listed = read_cameras_json(RunFolder{folder.path() / "run"}.cameras());
     std::size_t refined = 0;
     for (const ListedView& view : listed) refined += view.refined.has_value();
-    EXPECT_EQ(refined, scene.train.size());
+    EXPECT_EQ(refined, scene.train.size() + scene.test.size()) << "test images have the learned lens";
 }
 
 TEST(CameraRefinement, AResumedRunEqualsOneThatNeverStopped) {
