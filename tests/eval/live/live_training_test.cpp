@@ -96,7 +96,8 @@ class Watched : public ::testing::Test {
 TEST_F(Watched, IsTheSameAsUnwatchedToTheBit) {
     const TrainOptions alone = options("alone", 300), seen = options("seen", 300);
     Progress progress(ProgressStyle::kSilent);
-    train(alone, load_scene(alone), open_run(alone), progress, {});
+    Scene scene = load_scene(alone);
+    train(alone, scene, open_run(alone), progress, {});
     int snapshots = 0;
     train_watched(seen, [&](int port, const std::string& token) {
         press(port, "save", token);

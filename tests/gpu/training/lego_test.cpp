@@ -30,7 +30,7 @@ class GpuTraining : public ::testing::TestWithParam<Strategy> {
         double psnr = 0, seconds = 0;
         std::int64_t count = 0;
     };
-    Result train_on(Device device, std::uint64_t seed, const Scene& scene, const fs::path& folder) const {
+    Result train_on(Device device, std::uint64_t seed, Scene& scene, const fs::path& folder) const {
         TrainOptions o;
         o.source = data_.string(), o.model = folder.string(), o.eval = true;
         o.iterations = 600, o.device = device, o.seed = seed;
@@ -55,7 +55,7 @@ INSTANTIATE_TEST_SUITE_P(Strategies, GpuTraining, ::testing::Values(Strategy::kM
 TEST_P(GpuTraining, ReachesTheQualityOfTheCpu) {
     SceneOptions options;
     options.source = data_.string(), options.eval = true;
-    const Scene scene = load_scene(options);
+    Scene scene = load_scene(options);
     ASSERT_GT(scene.test.size(), 5u);
     const TemporaryFolder tmp;
     // A learning rate changed by 1e-6 scatters the PSNR of one run by 0.045 dB: training is chaotic. The difference
