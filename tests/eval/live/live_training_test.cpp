@@ -46,7 +46,7 @@ class Watched : public ::testing::Test {
     template <class Watch> void train_watched(const TrainOptions& o, Watch watch) {
         train_watched(o, load_scene(o), watch);
     }
-    template <class Watch> void train_watched(const TrainOptions& o, Scene& scene, Watch watch) {
+    template <class Watch> void train_watched(const TrainOptions& o, Scene scene, Watch watch) {
         LiveTraining live(o, scene, 0);
         const std::string address = live.address();
         const int port = std::stoi(address.substr(address.rfind(':') + 1));
