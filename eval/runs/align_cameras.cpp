@@ -3,8 +3,6 @@
 #include "eval/runs/align_cameras.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 
 #include "lib/core/median.h"
 #include "lib/scene/camera_params.h"
@@ -15,8 +13,7 @@ namespace gs {
 namespace {
 
 constexpr int kSteps = 80;
-constexpr double kFirstRate = 0.4;           ///< pixels
-constexpr double kLargestCorrection = 0.03;  ///< share of the image's larger side
+constexpr double kFirstRate = 0.4;  ///< pixels
 constexpr std::size_t kPoints = 5000;
 
 std::vector<Eigen::Vector3d> some_means(Backend& backend) {
@@ -39,7 +36,7 @@ AlignedViews align_test_cameras(Backend& backend, const Scene& scene, const Vec3
     for (View& view : out.views) {
         PoseLearner pose(view.camera, points);
         const auto image = view_image(view);
-        const double bound = kLargestCorrection * std::max(view.camera.width, view.camera.height);
+        const double bound = largest_correction(view.camera);
         for (int step = 0; step < kSteps; ++step) {
             StepRequest request;
             request.camera = camera_params(view.camera);
@@ -49,7 +46,7 @@ AlignedViews align_test_cameras(Backend& backend, const Scene& scene, const Vec3
             request.isp.camera = std::max(0, view.camera_id);
             request.gather_camera_gradient = true;
             backend.step(request);
-            const double rate = kFirstRate * 0.5 * (1 + std::cos(std::numbers::pi * step / kSteps));
+            const double rate = falling_rate(kFirstRate, double(step) / kSteps);
             for (const ViewCameraGradient& found : backend.take_camera_gradients())
                 pose.step(view.camera, pose_gradient(view.camera, found.gradient), rate, bound);
         }

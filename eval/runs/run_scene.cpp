@@ -106,6 +106,21 @@ void require_scene_exists(const fs::path& run_folder, const TrainOptions& option
                     run_folder.string(), options.source));
 }
 
+/// Gives the views of the run's own scene the cameras that the run learned, if it did.
+void set_refined_cameras(const fs::path& run_folder, Scene& scene) {
+    std::map<std::string, Camera> refined;
+    for (const ListedView& view : read_cameras_json(RunFolder{run_folder}.cameras()))
+        if (view.refined) refined[view.name] = *view.refined;
+    for (auto* views : {&scene.train, &scene.test})
+        for (View& view : *views) {
+            const auto found = refined.find(view.name);
+            if (found == refined.end()) continue;
+            Camera camera = resized(into_frame(found->second, scene.frame), view.camera.width, view.camera.height);
+            camera.range = view.camera.range;
+            view.given = std::make_shared<const Camera>(std::exchange(view.camera, camera));
+        }
+}
+
 }  // namespace
 
 std::map<std::string, std::string> training_options(const TrainOptions& named) {
@@ -160,20 +175,6 @@ void require_run_scene(const fs::path& run_folder, const TrainOptions& options, 
         fmt::format("{}: is not the scene that '{}' was trained on: {}. Name that scene with -s SCENE, or restore it; "
                     "another scene needs a run of its own (gsapp eval RUN -s SCENE scores on it, apart from the run)",
                     options.source, run_folder.string(), difference));
-}
-
-void set_refined_cameras(const fs::path& run_folder, Scene& scene) {
-    std::map<std::string, Camera> refined;
-    for (const ListedView& view : read_cameras_json(RunFolder{run_folder}.cameras()))
-        if (view.refined) refined[view.name] = *view.refined;
-    for (auto* views : {&scene.train, &scene.test})
-        for (View& view : *views) {
-            const auto found = refined.find(view.name);
-            if (found == refined.end()) continue;
-            Camera camera = resized(into_frame(found->second, scene.frame), view.camera.width, view.camera.height);
-            camera.range = view.camera.range;
-            view.given = std::make_shared<const Camera>(std::exchange(view.camera, camera));
-        }
 }
 
 Scene load_run_scene(const fs::path& run_folder, const TrainOptions& options, const LoadRules& rules) {

@@ -28,9 +28,6 @@ std::string difference_to_scene(const std::filesystem::path& run_folder, const T
 /// Throws DataError if the scenes differ (difference_to_scene), naming the difference and its remedy.
 void require_run_scene(const std::filesystem::path& run_folder, const TrainOptions& options, const Scene& scene);
 
-/// Gives the views the cameras that the run learned, if it did. `scene` must be the run's.
-void set_refined_cameras(const std::filesystem::path& run_folder, Scene& scene);
-
 /// Loads the scene of a run, with the cameras that it learned. Throws DataError if the scene is no longer at the run's
 /// path, and the errors of require_run_scene and load_scene.
 Scene load_run_scene(const std::filesystem::path& run_folder, const TrainOptions& options, const LoadRules& rules);

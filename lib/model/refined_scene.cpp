@@ -17,10 +17,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Returns an absolute path without following links, so that names in a linked folder stay relative to it.
+fs::path plain(const fs::path& path) { return fs::absolute(path).lexically_normal(); }
+
 /// Returns the folder of the scene to which the names of its photographs are relative.
 fs::path image_root(const Scene& scene) {
-    const fs::path source = canonical_path(scene.source),
-                   folder = folder_exists(source) ? source : source.parent_path();
+    const fs::path source = plain(scene.source), folder = folder_exists(source) ? source : source.parent_path();
     return scene.image_folder.empty() ? folder : folder / scene.image_folder;
 }
 
@@ -83,7 +85,7 @@ void write_refined_scene(const fs::path& folder, const Scene& scene) {
         for (const View& view : *views) {
             if (view.file.empty()) return;
             const Camera camera = out_of_frame(view.camera, scene.frame);
-            const std::string name = canonical_path(view.file).lexically_relative(images).generic_string();
+            const std::string name = plain(view.file).lexically_relative(images).generic_string();
             posed.push_back({name, refined_lens(view), camera.rotation, camera.translation});
             if (views == &scene.test) test_names += name + "\n";
             nlohmann::ordered_json frame = lens_json(posed.back().lens);

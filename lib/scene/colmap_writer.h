@@ -18,8 +18,8 @@ struct PosedImage {
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 };
 
-/// Writes cameras.txt, images.txt and points3D.txt to `folder`. Images with equal lenses share a camera; what they see
-/// of the points is not stated. Throws DataError.
+/// Writes cameras.txt, images.txt and points3D.txt to `folder`, without observations of the points. Images with equal
+/// lenses share a camera. Throws DataError.
 void write_colmap_model(const std::filesystem::path& folder, const std::vector<PosedImage>& images,
                         const SourcePoints& points);
 

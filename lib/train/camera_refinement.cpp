@@ -9,7 +9,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <utility>
 
 #include "kernels/base/error.h"
 #include "lib/core/log.h"
@@ -23,8 +23,7 @@ using Eigen::Matrix3d, Eigen::Vector3d;
 
 // Cameras learn once there is geometry, and stop while the scene can still settle.
 constexpr double kFrom = 1000, kUntil = 24000;
-/// How far a camera can go along each direction, pixels. The rate follows from it and from the number of steps, and
-/// falls to 0 with half a wave of a cosine.
+/// How far a camera can go along each direction, pixels. The rate follows from it and from the number of steps.
 constexpr double kTravel = 6, kLargestRate = 0.25;
 /// The weight of the distances of COLMAP's tracks, in pixels, in the loss.
 constexpr double kTrackWeight = 0.1;
@@ -33,22 +32,18 @@ constexpr double kPriorWeight = 1e-4;
 /// The pull of the principal point towards the given one, per pixel. A shift is nearly the same as a turn of all
 /// cameras, which the poses can learn.
 constexpr double kPrincipalPointWeight = 0.02;
-/// The largest correction as a share of the image's larger side.
-constexpr double kLargestCorrection = 0.03;
 /// Points of the scene from which the coordinates of poses follow.
-constexpr std::size_t kPoints = 5000;
+constexpr std::int64_t kPoints = 5000;
 /// Number of images of a camera with which its lens learns at the full rate.
 constexpr double kViewsOfLens = 8;
 
 std::vector<Vector3d> some_points(const TrainOptions& options, const Scene& scene) {
-    const PointCloud all = initial_points(scene, init_options(options));
-    std::vector<Vector3d> points(std::min(all.positions.size(), kPoints));
-    for (std::size_t k = 0; k < points.size(); ++k)
-        points[k] = all.positions[k * all.positions.size() / points.size()].cast<double>();
+    InitOptions init = init_options(options);
+    init.most_points = kPoints;
+    std::vector<Vector3d> points;
+    for (const Eigen::Vector3f& point : initial_points(scene, init).positions) points.push_back(point.cast<double>());
     return points;
 }
-
-double bound_of(const Camera& camera) { return kLargestCorrection * std::max(camera.width, camera.height); }
 
 }  // namespace
 
@@ -98,7 +93,6 @@ CameraRefinement::CameraRefinement(const TrainOptions& options, Scene& scene) : 
         if (same == lenses_.end()) lenses_.push_back({.given = camera});
         ++lenses_[views_[k].lens].num_views;
     }
-    for (LearnedLens& lens : lenses_) lens.radius = 0.3 * std::hypot(lens.given.width, lens.given.height);
     interval_ = std::clamp<std::int64_t>(std::int64_t(views_.size()), 10, 100);
     fit_to_tracks();
 }
@@ -112,8 +106,8 @@ void CameraRefinement::before_step(Backend& backend, const ScheduleMoment& momen
     collect(backend);
     gathered_ = 0;
     const double steps = (kUntil - kFrom) / (moment.pace * double(std::max<std::size_t>(views_.size(), interval_)));
-    const double share = std::clamp((moment.position - kFrom) / (kUntil - kFrom), 0.0, 1.0);
-    move(std::min(2 * kTravel / steps, kLargestRate) * 0.5 * (1 + std::cos(std::numbers::pi * share)));
+    const double share = (moment.position - kFrom) / (kUntil - kFrom);
+    move(falling_rate(std::min(2 * kTravel / steps, kLargestRate), share));
 }
 
 /// Adds the gradients that the backend has gathered to those of the views.
@@ -151,7 +145,7 @@ void CameraRefinement::move(double rate) {
         lens.gradient[1] += mean * sum.cx + tracks[7];
         lens.gradient[2] += mean * sum.cy + tracks[8];
         ++lens.count;
-        view.pose.step(camera, gradient, rate, bound_of(camera));
+        view.pose.step(camera, gradient, rate, largest_correction(camera));
         view.sum = {}, view.count = 0;
     }
     for (std::size_t k = 0; k < lenses_.size(); ++k) {
@@ -159,19 +153,19 @@ void CameraRefinement::move(double rate) {
         if (sums[k].count == 0 || lens.given.model == CameraModel::kEquirectangular) continue;
         double gradient[3], direction[3];
         for (int i = 0; i < 3; ++i) gradient[i] = sums[k].gradient[i] / sums[k].count;
-        gradient[0] /= lens.radius;
+        gradient[0] /= lens.radius();
         gradient[1] += kPrincipalPointWeight * lens.cx, gradient[2] += kPrincipalPointWeight * lens.cy;
         if (!std::isfinite(gradient[0] + gradient[1] + gradient[2])) continue;
         adam_direction(lens.moments, 3, gradient, direction);
         const double of_lens = rate * std::min(1.0, lens.num_views / kViewsOfLens);
-        const double most = kLargestCorrection * std::max(lens.given.width, lens.given.height);
-        lens.log_focal = std::clamp(lens.log_focal - of_lens * direction[0] / lens.radius, -0.1, 0.1);
+        const double most = largest_correction(lens.given);
+        lens.log_focal = std::clamp(lens.log_focal - of_lens * direction[0] / lens.radius(), -0.1, 0.1);
         lens.cx = std::clamp(lens.cx - of_lens * direction[1], -most, most);
         lens.cy = std::clamp(lens.cy - of_lens * direction[2], -most, most);
     }
     set_lenses();
-    keep_common_part();
-    keep_gauge();
+    take_back_common_part();
+    take_back_drift();
 }
 
 /// Gives the cameras of the scene the learned lenses, those of test images with the same lens, too.
@@ -249,15 +243,9 @@ void CameraRefinement::fit_to_tracks() {
     }
 }
 
-std::vector<Camera> CameraRefinement::given_cameras() const {
-    std::vector<Camera> given;
-    for (const LearnedView& view : views_) given.push_back(view.pose.given());
-    return given;
-}
-
-/// Takes back the part of the corrections that the cameras of a lens have in common in their own axes: that is how the
-/// lens sits before them, which other images of it, such as test images, share.
-void CameraRefinement::keep_common_part() {
+/// Takes back the mean correction, in the cameras' own axes, of all cameras with one lens: test images with this lens
+/// would need it, too.
+void CameraRefinement::take_back_common_part() {
     std::vector<Vector6d> sums(lenses_.size(), Vector6d::Zero());
     for (std::size_t k = 0; k < views_.size(); ++k)
         sums[views_[k].lens] += correction_of(views_[k].pose.given(), scene_.train[k].camera);
@@ -268,12 +256,13 @@ void CameraRefinement::keep_common_part() {
     }
 }
 
-/// Takes back the part of all corrections that moves the whole: neither the place, the orientation nor the size of the
-/// scene changes.
-void CameraRefinement::keep_gauge() {
-    std::vector<Camera> now;
+/// Takes back the similarity by which the cameras have moved on the whole, so that place, orientation and size of the
+/// scene stay.
+void CameraRefinement::take_back_drift() {
+    std::vector<Camera> given, now;
+    for (const LearnedView& view : views_) given.push_back(view.pose.given());
     for (const View& view : scene_.train) now.push_back(view.camera);
-    const Similarity drift = similarity_of(given_cameras(), now);
+    const Similarity drift = similarity_of(given, now);
     for (View& view : scene_.train) {
         const Vector3d center = drift.rotation.transpose() * (view.camera.center() - drift.shift) / drift.scale;
         view.camera.rotation = view.camera.rotation * drift.rotation;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -69,12 +70,13 @@ class CameraRefinement {
     struct LearnedLens {
         LensCamera given;
         double num_views = 0;
-        double radius = 1;       ///< root mean square distance of pixels from the middle
         double log_focal = 0;    ///< logarithm of the factor of both focal lengths
         double cx = 0, cy = 0;   ///< shifts of the principal point, pixels
-        double moments[5] = {};  ///< as of adam_direction(), of log_focal * radius, cx and cy
+        double moments[5] = {};  ///< as of adam_direction(), of log_focal * radius(), cx and cy
 
         LensCamera learned() const;
+        /// Returns the root mean square distance of pixels from the middle.
+        double radius() const { return 0.3 * std::hypot(given.width, given.height); }
     };
 
     void fit_to_tracks();
@@ -82,9 +84,8 @@ class CameraRefinement {
     void collect(Backend& backend);
     void move(double rate);
     void set_lenses();
-    void keep_common_part();
-    void keep_gauge();
-    std::vector<Camera> given_cameras() const;
+    void take_back_common_part();
+    void take_back_drift();
 
     Scene& scene_;
     std::int64_t interval_ = 0;  ///< number of gradients between two steps of the cameras

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "lib/scene/camera_params.h"
 
@@ -148,6 +149,12 @@ void PoseLearner::step(Camera& camera, const Vector6d& gradient, double rate, do
     camera = moved_by(camera, from_pixels_ * (-rate * direction));
     const Vector6d way = way_to(camera);
     if (const double length = way.norm(); length > bound) camera = moved(camera, way * (bound / length));
+}
+
+double largest_correction(const LensCamera& camera) { return 0.03 * std::max(camera.width, camera.height); }
+
+double falling_rate(double first, double share) {
+    return first * 0.5 * (1 + std::cos(std::numbers::pi * std::clamp(share, 0.0, 1.0)));
 }
 
 void adam_direction(double* moments, int size, const double* gradient, double* direction) {

@@ -76,6 +76,12 @@ class PoseLearner {
     double moments_[kMoments] = {};
 };
 
+/// Returns the largest correction of a camera, pixels.
+double largest_correction(const LensCamera& camera);
+
+/// Returns a rate that falls from `first` to 0 with half a wave of a cosine, after a share 0..1 of its steps.
+double falling_rate(double first, double share);
+
 /// A step of Adam whose second moment is common to all coordinates, so that it does not depend on the choice of the
 /// axes. moments: `size` first moments, the second moment, the number of steps. Returns the direction, of about the
 /// length of a coordinate for each of them.

@@ -47,12 +47,19 @@ TEST(RefineCommand, TrainsScoresAndTrainsOnItsCameras) {
     EXPECT_FALSE(std::filesystem::exists(program.path("other/refined")));
     EXPECT_TRUE(std::filesystem::exists(program.path("scene/images")));
 
+    const auto expect_same_places = [&](const std::string& a, const std::string& b) {
+        const auto before = parse_json(program.read(a + "/cameras.json")),
+                   now = parse_json(program.read(b + "/cameras.json"));
+        ASSERT_EQ(now.size(), before.size());
+        for (std::size_t k = 0; k < now.size(); ++k)
+            for (int axis = 0; axis < 3; ++axis)
+                EXPECT_NEAR(now[k]["position"][axis].get<double>(), before[k]["position"][axis].get<double>(), 1e-6);
+    };
     expect_ok("train -s run/refined -m again" + options);
-    const auto again = parse_json(program.read("again/cameras.json"));
-    ASSERT_EQ(again.size(), listed.size());
-    for (std::size_t k = 0; k < again.size(); ++k)
-        for (int axis = 0; axis < 3; ++axis)
-            EXPECT_NEAR(again[k]["position"][axis].get<double>(), listed[k]["position"][axis].get<double>(), 1e-6);
+    expect_same_places("run", "again");
+    expect_ok("train -s run/refined -m more --refine-cameras on" + options);  // its photographs are in a linked folder
+    expect_ok("train -s more/refined -m last" + options);
+    expect_same_places("more", "last");
 }
 
 }  // namespace
