@@ -11,6 +11,7 @@
 #include "appearance/model_info.h"
 #include "eval/auto/photograph.h"
 #include "eval/auto/residual_parts.h"
+#include "eval/auto/stage.h"
 #include "kernels/base/clock.h"
 #include "kernels/base/parallel.h"
 #include "lib/core/quantities.h"
@@ -33,47 +34,12 @@ constexpr int kStageWidth = 400;
 /// Shares of options.iterations for the training without view dependence, from which all trials start, and for each
 /// trial.
 constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
-/// Largest share of the following run's time for the measurements, and their share of a time limit.
-constexpr double kTimeShare = 0.5, kLimitShare = 0.1;
-/// Ratio of a step's time to a frame's time for the first Gaussians, including other measurements and room for growth.
-constexpr double kStepPerFrame = 4.5;
-
-std::int64_t iterations_of(const TrainOptions& options, double share) {
-    return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
-}
+/// Largest share of the following run's time for the measurements.
+constexpr double kTimeShare = 0.5;
 
 /// Length of the cameras' mean axis above which they look in nearly the same direction, as in forward-facing scenes.
 /// fern's is 0.994, lego's 0.57, and that of cameras within 20 degrees of one axis 0.97.
 constexpr double kOneSided = 0.98;
-
-/// A smaller scene without the held-out views.
-struct Stage {
-    Scene scene;
-    std::vector<View> held_out;
-    TrainOptions options;
-    double pixels = 1;  ///< share of the pixels of the scene's images
-};
-
-/// Returns the name of the model whose Gaussians have the same colour in every direction.
-std::string plain_model() { return plain_sh_appearance(0).model; }
-
-Stage make_stage(const TrainOptions& options, const Scene& scene) {
-    Stage stage{scene, {}, options, 1};
-    stage.scene.train.clear(), stage.scene.test.clear();
-    const auto pixels = [](const View& view) { return double(view.camera.width) * view.camera.height; };
-    double small = 0, full = 0;
-    for (std::size_t k = 0; k < scene.train.size(); ++k) {
-        View view = smaller_view(scene.train[k], kStageWidth);
-        small += pixels(view), full += pixels(scene.train[k]);
-        (is_held_out(k) ? stage.held_out : stage.scene.train).push_back(std::move(view));
-    }
-    stage.pixels = small / full;
-    stage.options.appearance = plain_model();
-    stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
-    if (options.ppisp == PpispMode::kAuto)
-        stage.options.ppisp = PpispMode::kOn;  // harmless if images do not differ; there is no time to find out
-    return stage;
-}
 
 std::int64_t bytes_of(const AppearanceSpec& spec) {
     return std::int64_t(sizeof(float)) * (group_width(Group::kBase, spec) + group_width(Group::kResidual, spec));
@@ -105,16 +71,6 @@ double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussi
     const double growth =
         run.strategy == Strategy::kNone ? 1 : double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1));
     return std::pow(std::max(1.0, growth) / stage.pixels, 0.25);
-}
-
-/// Returns the number of iterations that each training of the stage can have within `seconds`, estimated from frames of
-/// its first Gaussians.
-std::int64_t affordable_iterations(const Stage& stage, double seconds) {
-    const AppearanceSpec plain = appearance_spec(stage.options);
-    const auto backend = make_backend(stage.options.device, plain, engine_options(stage.options));
-    backend->upload(initialize_gaussians(stage.scene, plain, init_options(stage.options)));
-    const double step = kStepPerFrame * ModelLimits(stage.options, stage.scene, {}, 0).view_seconds(*backend);
-    return std::int64_t(seconds / (step * double(1 + candidates(stage.options).size())));
 }
 
 /// End of the measurements, on the clock of seconds_now().
@@ -172,12 +128,13 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     }
     Deadline deadline{seconds_now()};
     set_num_threads(options.threads);
-    Stage stage = make_stage(options, scene);
+    Stage stage = make_stage(options, scene, kStageWidth);
     if (options.time_limit) {
         deadline.limit = kLimitShare * options.time_limit->seconds;
         stage.options.time_limit.reset();
         stage.options.iterations =
-            std::llround(double(affordable_iterations(stage, deadline.left(0, {}))) / kTrialShare);
+            std::llround(double(affordable_iterations(stage, deadline.left(0, {}), 1 + candidates(stage.options).size())) /
+                         kTrialShare);
     }
     measured.warm_up_iterations = iterations_of(stage.options, kWarmUpShare),
     measured.trial_iterations = iterations_of(stage.options, kTrialShare);
@@ -193,7 +150,7 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     const TrialResult plain = trial.begin(measured.warm_up_iterations);
     const std::vector<Photograph> seen =
         load_photographs(stage.scene.train, trial.background(), [&](std::size_t k) { return trial.image(k); });
-    const std::vector<Photograph> held_out = load_photographs(stage.held_out, trial.background());
+    const std::vector<Photograph> held_out = load_photographs(stage.scene.test, trial.background());
     measured.num_held_out = held_out.size();
     if (seen.empty() || held_out.empty()) {
         measured.obstacle = Obstacle::kMasks;

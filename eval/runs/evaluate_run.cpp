@@ -10,12 +10,12 @@
 #include <set>
 
 #include "eval/bench/bench.h"
-#include "eval/runs/align_cameras.h"
 #include "eval/runs/results.h"
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
 #include "lib/io/temporary.h"
 #include "lib/scene/scene.h"
+#include "lib/train/align_cameras.h"
 
 namespace gs {
 
@@ -59,7 +59,10 @@ class NewPictures {
 
 /// Scores the views once more, with their cameras aligned to the model.
 void add_aligned_scores(SavedRun& run, EvalOptions options, RunResult& result) {
-    const AlignedViews aligned = align_test_cameras(*run.backend, run.scene, run.background);
+    constexpr int kSteps = 80;
+    const std::vector<View>& views = run.scene.test;
+    const AlignedViews aligned = align_cameras(*run.backend, views, run.background, kSteps,
+                                               [&](std::size_t k) { return view_image(views[k]); });
     options.run_folder.clear(), options.metrics.clear(), options.decompose = false;
     const RunResult scores = evaluate_views(*run.backend, aligned.views, run.background, options);
     result.aligned_psnr = scores.psnr, result.aligned_ssim = scores.ssim;

@@ -108,6 +108,7 @@ const std::vector<ResultField>& result_fields() {
         {"render_seconds", "timing", &R::render_seconds},
         {"peak_device_bytes", "memory", &R::peak_device_bytes},
         {"decision", "photometric", &R::photometric},
+        {"refine_cameras", "refine_cameras", &R::refine_cameras},
         {"appearance_choice", "appearance_choice", &R::appearance_choice},
         {"plan", "plan", &R::plan},
         {"residual_mean", "decomposition", &R::residual_mean},

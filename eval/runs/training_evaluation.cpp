@@ -22,6 +22,7 @@ void add_training(RunResult& result, const TrainSummary& summary) {
     if (summary.controller_seconds > 0) result.controller_seconds = summary.controller_seconds;
     if (summary.memory.peak > 0) result.peak_device_bytes = summary.memory.peak;
     if (!summary.photometric.empty()) result.photometric = summary.photometric;
+    if (!summary.refine_cameras.empty()) result.refine_cameras = summary.refine_cameras;
 }
 
 TrainingEvaluation::TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress,

@@ -46,7 +46,7 @@ enum class LensMode { kAuto, kNative, kUndistort };
 /// Whether the model is antialiased; kAuto: as the Gaussians that it begins with.
 enum class Antialiasing { kOff, kOn, kAuto };
 /// Whether the cameras are learned beside the scene.
-enum class RefineCameras { kOff, kOn };
+enum class RefineCameras { kOff, kAuto, kOn };
 /// The precision of the appearance residual when rendering.
 enum class AppearanceStorage { kFp32, kFp16 };
 /// The precision of Adam's moments for the residual.
@@ -66,7 +66,7 @@ template <> inline constexpr auto kWordsOf<SizeOf> = std::to_array<std::string_v
 template <> inline constexpr auto kWordsOf<Device> = std::to_array<std::string_view>({"auto", "cpu", "cuda"});
 template <> inline constexpr auto kWordsOf<PpispMode> = std::to_array<std::string_view>({"off", "on", "auto"});
 template <> inline constexpr auto kWordsOf<Antialiasing> = std::to_array<std::string_view>({"off", "on", "auto"});
-template <> inline constexpr auto kWordsOf<RefineCameras> = std::to_array<std::string_view>({"off", "on"});
+template <> inline constexpr auto kWordsOf<RefineCameras> = std::to_array<std::string_view>({"off", "auto", "on"});
 template <> inline constexpr auto kWordsOf<VerifyImages> = std::to_array<std::string_view>({"auto", "on", "off"});
 template <> inline constexpr auto kWordsOf<MaskMode> = std::to_array<std::string_view>({"ignore", "transparent"});
 template <> inline constexpr auto kWordsOf<LensMode> = std::to_array<std::string_view>({"auto", "native", "undistort"});

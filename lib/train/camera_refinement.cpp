@@ -34,6 +34,8 @@ constexpr double kPriorWeight = 1e-4;
 constexpr double kPrincipalPointWeight = 0.02;
 /// Points of the scene from which the coordinates of poses follow.
 constexpr std::int64_t kPoints = 5000;
+/// How far the logarithm of a focal length may go.
+constexpr double kMostLogFocal = 0.1;
 /// Number of images of a camera with which its lens learns at the full rate.
 constexpr double kViewsOfLens = 8;
 
@@ -73,18 +75,19 @@ Similarity similarity_of(const std::vector<Camera>& given, const std::vector<Cam
 
 LensCamera CameraRefinement::LearnedLens::learned() const {
     LensCamera lens = given;
-    lens.fx *= std::exp(log_focal), lens.fy *= std::exp(log_focal);
-    lens.cx += cx, lens.cy += cy;
+    lens.fx *= std::exp(now.log_focal), lens.fy *= std::exp(now.log_focal);
+    lens.cx += now.cx, lens.cy += now.cy;
     return lens;
 }
 
 CameraRefinement::CameraRefinement(const TrainOptions& options, Scene& scene) : scene_(scene) {
-    if (options.refine_cameras == RefineCameras::kOff) return;
+    if (options.refine_cameras != RefineCameras::kOn) return;
     const std::vector<Vector3d> points = some_points(options, scene);
     views_.resize(scene.train.size());
     for (std::size_t k = 0; k < views_.size(); ++k) {
-        const View& view = scene.train[k];
-        const Camera& camera = view.given ? *view.given : view.camera;
+        View& view = scene.train[k];
+        if (!view.given) view.given = std::make_shared<const Camera>(view.camera);
+        const Camera& camera = view.camera = *view.given;
         views_[k].pose = PoseLearner(camera, points);
         const auto same = std::find_if(lenses_.begin(), lenses_.end(), [&](const LearnedLens& lens) {
             return lens.given == static_cast<const LensCamera&>(camera);
@@ -94,9 +97,10 @@ CameraRefinement::CameraRefinement(const TrainOptions& options, Scene& scene) : 
         ++lenses_[views_[k].lens].num_views;
     }
     interval_ = std::clamp<std::int64_t>(std::int64_t(views_.size()), 10, 100);
-    fit_to_tracks();
+    fit_to_tracks(points);
 }
 
+/// Returns whether the cameras learn in a step at `moment`.
 bool CameraRefinement::learns(const ScheduleMoment& moment) const {
     return is_active() && moment.position >= kFrom && moment.position < kUntil;
 }
@@ -108,6 +112,12 @@ void CameraRefinement::before_step(Backend& backend, const ScheduleMoment& momen
     const double steps = (kUntil - kFrom) / (moment.pace * double(std::max<std::size_t>(views_.size(), interval_)));
     const double share = (moment.position - kFrom) / (kUntil - kFrom);
     move(falling_rate(std::min(2 * kTravel / steps, kLargestRate), share));
+}
+
+void CameraRefinement::gather(std::span<StepRequest> requests, const ScheduleMoment& moment) {
+    if (!learns(moment)) return;
+    for (StepRequest& request : requests) request.gather_camera_gradient = true;
+    gathered_ += std::int64_t(requests.size());
 }
 
 /// Adds the gradients that the backend has gathered to those of the views.
@@ -154,14 +164,18 @@ void CameraRefinement::move(double rate) {
         double gradient[3], direction[3];
         for (int i = 0; i < 3; ++i) gradient[i] = sums[k].gradient[i] / sums[k].count;
         gradient[0] /= lens.radius();
-        gradient[1] += kPrincipalPointWeight * lens.cx, gradient[2] += kPrincipalPointWeight * lens.cy;
+        gradient[1] += kPrincipalPointWeight * (lens.now.cx - lens.start.cx);
+        gradient[2] += kPrincipalPointWeight * (lens.now.cy - lens.start.cy);
         if (!std::isfinite(gradient[0] + gradient[1] + gradient[2])) continue;
         adam_direction(lens.moments, 3, gradient, direction);
         const double of_lens = rate * std::min(1.0, lens.num_views / kViewsOfLens);
         const double most = largest_correction(lens.given);
-        lens.log_focal = std::clamp(lens.log_focal - of_lens * direction[0] / lens.radius(), -0.1, 0.1);
-        lens.cx = std::clamp(lens.cx - of_lens * direction[1], -most, most);
-        lens.cy = std::clamp(lens.cy - of_lens * direction[2], -most, most);
+        const auto step = [](double& value, double by, double start, double most_of_all) {
+            value = std::clamp(value - by, start - most_of_all, start + most_of_all);
+        };
+        step(lens.now.log_focal, of_lens * direction[0] / lens.radius(), lens.start.log_focal, kMostLogFocal);
+        step(lens.now.cx, of_lens * direction[1], lens.start.cx, most);
+        step(lens.now.cy, of_lens * direction[2], lens.start.cy, most);
     }
     set_lenses();
     take_back_common_part();
@@ -170,11 +184,8 @@ void CameraRefinement::move(double rate) {
 
 /// Gives the cameras of the scene the learned lenses, those of test images with the same lens, too.
 void CameraRefinement::set_lenses() {
-    for (std::size_t k = 0; k < views_.size(); ++k) {
-        View& view = scene_.train[k];
-        static_cast<LensCamera&>(view.camera) = lenses_[views_[k].lens].learned();
-        if (!view.given) view.given = std::make_shared<const Camera>(views_[k].pose.given());
-    }
+    for (std::size_t k = 0; k < views_.size(); ++k)
+        static_cast<LensCamera&>(scene_.train[k].camera) = lenses_[views_[k].lens].learned();
     for (View& view : scene_.test) {
         const LensCamera given = view.given ? *view.given : view.camera;
         for (const LearnedLens& lens : lenses_) {
@@ -198,8 +209,8 @@ double CameraRefinement::error_of_tracks(std::size_t lens) const {
 }
 
 /// Moves the cameras to where they fit the tracks best, lens by lens, if they fit clearly better there: the dataset's
-/// poses may not be those with which its points were found.
-void CameraRefinement::fit_to_tracks() {
+/// poses may not be those with which its points were found. The training then begins there.
+void CameraRefinement::fit_to_tracks(const std::vector<Vector3d>& points) {
     constexpr std::size_t kFewest = 20;
     constexpr int kRounds = 10;
     constexpr double kDamping = 1e-4, kClearly = 0.9;
@@ -228,7 +239,8 @@ void CameraRefinement::fit_to_tracks() {
             }
             const Vector3d by_lens = -of_lens.ldlt().solve(toward_lens);
             if (!by_lens.allFinite()) break;
-            lenses_[l].log_focal += by_lens[0], lenses_[l].cx += by_lens[1], lenses_[l].cy += by_lens[2];
+            LensChange& lens = lenses_[l].now;
+            lens.log_focal += by_lens[0], lens.cx += by_lens[1], lens.cy += by_lens[2];
             for (std::size_t k = 0; k < views_.size(); ++k) {
                 const Vector6d by = -(of_poses[k].first + of_poses[k].second * by_lens);
                 if (views_[k].lens == l && by.allFinite() && !by.isZero(0))
@@ -236,7 +248,12 @@ void CameraRefinement::fit_to_tracks() {
             }
             set_lenses();
         }
-        if (error_of_tracks(l) < kClearly * before) continue;
+        if (error_of_tracks(l) < kClearly * before) {
+            lenses_[l].start = lenses_[l].now;
+            for (std::size_t k = 0; k < views_.size(); ++k)
+                if (views_[k].lens == l) views_[k].pose = PoseLearner(scene_.train[k].camera, points);
+            continue;
+        }
         lenses_[l] = lens_before;
         for (std::size_t k = 0; k < views_.size(); ++k) scene_.train[k].camera = cameras_before[k];
         set_lenses();
@@ -273,10 +290,10 @@ void CameraRefinement::take_back_drift() {
 CameraCorrections CameraRefinement::corrections() const {
     CameraCorrections out;
     for (std::size_t k = 0; k < views_.size(); ++k)
-        out.pixels.push_back(views_[k].pose.way_to(scene_.train[k].camera).norm());
+        out.pixels.push_back(views_[k].pose.pixels(*scene_.train[k].given, scene_.train[k].camera));
     for (const double pixels : out.pixels) out.largest = std::max(out.largest, pixels);
     if (!out.pixels.empty()) out.median = median(out.pixels);
-    for (const LearnedLens& lens : lenses_) out.focal = std::max(out.focal, std::abs(std::expm1(lens.log_focal)));
+    for (const LearnedLens& lens : lenses_) out.focal = std::max(out.focal, std::abs(std::expm1(lens.now.log_focal)));
     return out;
 }
 
@@ -296,7 +313,7 @@ CameraState CameraRefinement::state(Backend& backend) {
         row.push_back(view.count);
     }
     for (const LearnedLens& lens : lenses_) {
-        auto& row = state.lenses.emplace_back(std::vector<double>{lens.log_focal, lens.cx, lens.cy});
+        auto& row = state.lenses.emplace_back(std::vector<double>{lens.now.log_focal, lens.now.cx, lens.now.cy});
         row.insert(row.end(), std::begin(lens.moments), std::end(lens.moments));
     }
     return state;
@@ -314,7 +331,8 @@ void CameraRefinement::resume(const CameraState& state) {
     gathered_ = state.gathered;
     for (std::size_t k = 0; k < lenses_.size(); ++k) {
         const double* at = state.lenses[k].data();
-        lenses_[k].log_focal = *at++, lenses_[k].cx = *at++, lenses_[k].cy = *at++;
+        LensChange& lens = lenses_[k].now;
+        lens.log_focal = *at++, lens.cx = *at++, lens.cy = *at++;
         for (double& moment : lenses_[k].moments) moment = *at++;
     }
     for (std::size_t k = 0; k < views_.size(); ++k) {

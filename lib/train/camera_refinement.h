@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "kernels/ranks/backend.h"
@@ -40,16 +41,14 @@ struct CameraCorrections {
 /// learned lens, and keep their poses.
 class CameraRefinement {
   public:
-    /// Does nothing unless the options ask for it. `scene` must outlive the object.
+    /// Does nothing unless the options say on (auto is decided before). `scene` must outlive the object.
     CameraRefinement(const TrainOptions& options, Scene& scene);
 
     bool is_active() const { return !views_.empty(); }
-    /// Returns whether a step at `moment` gathers the gradients of its cameras.
-    bool learns(const ScheduleMoment& moment) const;
-    /// Moves the cameras if enough gradients were gathered. Call it before each step.
+    /// Moves the cameras if enough gradients were gathered. Call it before the requests of each step are made.
     void before_step(Backend& backend, const ScheduleMoment& moment);
-    /// Counts the views of a step that gathers gradients.
-    void count(std::int64_t views) { gathered_ += views; }
+    /// Makes a step at `moment` gather the gradients of its cameras if these learn then.
+    void gather(std::span<StepRequest> requests, const ScheduleMoment& moment);
 
     /// Returns what a checkpoint needs, with the gradients gathered so far.
     CameraState state(Backend& backend);
@@ -61,17 +60,21 @@ class CameraRefinement {
 
   private:
     struct LearnedView {
-        PoseLearner pose;
+        PoseLearner pose;  ///< from where the training begins: the given pose, or that fitted to the tracks
         std::size_t lens = 0;
         CameraGradient<double> sum{};  ///< of the gradients since the last step
         double count = 0;              ///< number of these gradients
+    };
+    struct LensChange {
+        double log_focal = 0;   ///< logarithm of the factor of both focal lengths
+        double cx = 0, cy = 0;  ///< shifts of the principal point, pixels
     };
     /// The focal lengths and the principal point of the images of one camera.
     struct LearnedLens {
         LensCamera given;
         double num_views = 0;
-        double log_focal = 0;    ///< logarithm of the factor of both focal lengths
-        double cx = 0, cy = 0;   ///< shifts of the principal point, pixels
+        LensChange start{};  ///< with which the training begins: none, or that fitted to the tracks
+        LensChange now{};
         double moments[5] = {};  ///< as of adam_direction(), of log_focal * radius(), cx and cy
 
         LensCamera learned() const;
@@ -79,7 +82,8 @@ class CameraRefinement {
         double radius() const { return 0.3 * std::hypot(given.width, given.height); }
     };
 
-    void fit_to_tracks();
+    void fit_to_tracks(const std::vector<Eigen::Vector3d>& points);
+    bool learns(const ScheduleMoment& moment) const;
     double error_of_tracks(std::size_t lens) const;
     void collect(Backend& backend);
     void move(double rate);

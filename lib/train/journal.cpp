@@ -17,7 +17,7 @@ void Journal::open() {
 void Journal::resume(std::int64_t iteration, bool at_end) {
     check_folder();
     log_.emplace(folder_.train_log(), iteration, at_end);
-    photometric_reason_ = log_->photometric_reason();
+    reasons_ = log_->reasons();
     if (tensorboard_) tensorboard_->resume(iteration);
 }
 
@@ -25,6 +25,7 @@ void Journal::write(nlohmann::json line) {
     check_folder();  // otherwise the lines would go to a file that is no longer in any folder
     if (lines_are_final_) line["final"] = true;
     log_->write(line);
+    if (line.contains("reason")) reasons_[line.at("event")] = line.at("reason");
     if (tensorboard_) tensorboard_->add_line(line);
 }
 
@@ -75,14 +76,13 @@ void Journal::write_residuals(const ResidualChange& change, std::int64_t num_gau
 }
 
 void Journal::write_photometric(const PhotometricDecision& decision, std::int64_t iteration) {
-    photometric_reason_ = describe(decision);
     write({{"event", "photometric"},
            {"iteration", iteration},
            {"on", decision.on},
            {"stops", decision.variation.stops},
            {"threshold", kPhotometricThreshold},
            {"images", decision.variation.num_images},
-           {"reason", photometric_reason_}});
+           {"reason", describe(decision)}});
 }
 
 void Journal::write_nonfinite(std::int64_t removed, const std::string& parameters, std::int64_t iteration) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -62,9 +63,12 @@ class Journal {
     void write_evaluation(const TestScores& scores, std::int64_t iteration);
     void write_target(const MeasuredModel& measured);
 
-    /// Returns the decision of --ppisp auto, with its measured value, also from before a resume; empty if there is
-    /// none.
-    const std::string& photometric_reason() const { return photometric_reason_; }
+    /// Returns the "reason" of the last event of a kind, which is a decision with its measured value, also from before
+    /// a resume; empty if there is none.
+    std::string reason(const std::string& event) const {
+        const auto found = reasons_.find(event);
+        return found == reasons_.end() ? std::string() : found->second;
+    }
 
   private:
     void check_folder() const {
@@ -77,7 +81,7 @@ class Journal {
     std::optional<TrainLog> log_;
     bool lines_are_final_ = false;
     double earlier_wait_ = 0;  ///< StepLine::data_wait_seconds of the previous line
-    std::string photometric_reason_;
+    std::map<std::string, std::string> reasons_;
 };
 
 }  // namespace gs

@@ -60,6 +60,8 @@ class PoseLearner {
     Vector6d way_to(const Camera& camera) const;
     /// Returns the gradient of half the square of that way, by turn and shift, to first order.
     Vector6d pull(const Camera& camera) const { return to_pixels_.transpose() * way_to(camera); }
+    /// Returns the root mean square way of points from one camera to another, pixels, to first order.
+    double pixels(const Camera& from, const Camera& to) const { return (to_pixels_ * correction_of(from, to)).norm(); }
     /// Returns the camera with the given pose and the lens of `camera`, moved by such a way.
     Camera moved(Camera camera, const Vector6d& way) const;
     const Camera& given() const { return given_; }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "lib/core/train_options.h"
 #include "lib/model/checkpoint.h"
@@ -18,8 +19,8 @@ namespace gs {
 struct RunStart {
     RunFolder folder;
     std::optional<Checkpoint> checkpoint;
-    /// The first line of the training log of a new run, without its iteration; null = none
-    nlohmann::json first_event = {};
+    /// The first lines of the training log of a new run, without their iteration
+    std::vector<nlohmann::json> first_events = {};
     double used_seconds = 0;                   ///< part of a time limit that passed before the first step of a new run
     std::optional<InitialModel> initial = {};  ///< model that a new run begins with; empty: points
     /// The lock that keeps other runs out of the folder while any copy of the pointer exists

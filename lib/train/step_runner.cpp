@@ -89,10 +89,7 @@ void StepRunner::take(Backend& backend) {
     std::vector<StepRequest> requests;
     for (const StepView& view : views) requests.push_back(composer_.compose(view, moment));
     if (num_views > 1) StepComposer::combine(requests);
-    if (cameras_.learns(moment)) {
-        for (StepRequest& request : requests) request.gather_camera_gradient = true;
-        cameras_.count(num_views);
-    }
+    cameras_.gather(requests, moment);
     backend.step_on(requests);
     last_moment_ = moment;
     journal_.write_change(densification_.after_step(backend, moment), last);

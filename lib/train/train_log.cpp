@@ -49,9 +49,9 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration, bo
             if (!numbered || json["iteration"] > iteration) continue;
             if (at_end && json["iteration"] == iteration && json.contains("final")) continue;
             kept += line + "\n";
-            if (json.contains("event") && json["event"] == "photometric" && json.contains("reason") &&
-                json["reason"].is_string())
-                photometric_reason_ = json["reason"];
+            if (json.contains("reason") && json["reason"].is_string() && json.contains("event") &&
+                json["event"].is_string())
+                reasons_[json["event"]] = json["reason"];
         }
     }
     write_text_atomic(path, kept);

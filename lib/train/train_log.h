@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -27,8 +28,8 @@ class TrainLog {
     /// line; a warning is logged once.
     void write(const nlohmann::json& line);
 
-    /// Returns the "reason" of the "photometric" event among the kept lines; empty if there is none.
-    const std::string& photometric_reason() const { return photometric_reason_; }
+    /// Returns the "reason" of each event among the kept lines that has one, the last of each kind.
+    const std::map<std::string, std::string>& reasons() const { return reasons_; }
     /// Writes the pending lines to the disk (fsync). Throws DataError if a line still cannot be written.
     void close();
 
@@ -39,7 +40,7 @@ class TrainLog {
     int fd_ = -1;
     std::string waiting_;  ///< lines not yet in the file; the beginning of the first may already be written
     bool warned_ = false;
-    std::string photometric_reason_;
+    std::map<std::string, std::string> reasons_;
 };
 
 /// The event file of one run, or of the part of a run after a resume. A failed write is logged as a warning once, and

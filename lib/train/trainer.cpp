@@ -52,9 +52,9 @@ class Trainer {
             journal_.resume(iteration(), schedule_.finished());
         else
             journal_.open();
-        if (!start.first_event.is_null()) {
-            start.first_event["iteration"] = 0;
-            journal_.write(start.first_event);
+        for (nlohmann::json& event : start.first_events) {
+            event["iteration"] = 0;
+            journal_.write(event);
         }
         // A non-finite Gaussian must be removed before it corrupts the moments of all Gaussians that it covers.
         monitor_.prune_nonfinite(*backend_);
@@ -302,7 +302,8 @@ class Trainer {
                 .frame_seconds = frame_seconds,
                 .limited_seconds = limited_seconds,
                 .target = target,
-                .photometric = journal_.photometric_reason(),
+                .photometric = journal_.reason("photometric"),
+                .refine_cameras = journal_.reason("refine_cameras"),
                 .whole_time = clock_.knows_all()};
     }
 

@@ -27,7 +27,7 @@ constexpr double kFirstRate = 3000, kLastRate = 30000;
 constexpr std::int64_t kCheckInterval = 100;
 
 void check(Backend& backend, const std::string& model) {
-    if (interrupted()) throw Interrupted("interrupted while --appearance auto looked for a model; nothing was trained");
+    if (interrupted()) throw Interrupted("interrupted in short trainings for a choice; nothing was trained");
     backend.prune_nonfinite();
     if (backend.count() == 0 || backend.take_stats().consecutive_skips >= kCheckInterval / 2)
         throw NumericError("appearance " + model +
@@ -85,7 +85,8 @@ TrialResult TrialTraining::begin(std::int64_t iterations) {
 }
 
 std::optional<TrialResult> TrialTraining::continue_with(const Gaussians& state, const AppearanceSpec& appearance,
-                                                        std::int64_t iterations, double most_seconds) {
+                                                        std::int64_t iterations, double most_seconds,
+                                                        CameraRefinement* cameras) {
     TrainOptions resting = options_;
     resting.strategy = Strategy::kNone;  // no noise on the means
     const StepComposer composer(resting, appearance, scene_, &photometric_);
@@ -95,8 +96,13 @@ std::optional<TrialResult> TrialTraining::continue_with(const Gaussians& state, 
     result.backend->upload(start);
     const bool finished =
         run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, const StepView& view) {
-            const auto rates = std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations));
-            return composer.compose(view, moment_at(options_, begun_ + k), {rates, double(rates), double(rates - 1)});
+            const double pace = (kLastRate - kFirstRate) / double(iterations);
+            const auto rates = std::int64_t(kFirstRate + pace * double(k));
+            const ScheduleMoment rate_moment{rates, double(rates), double(rates - 1), pace};
+            if (cameras) cameras->before_step(*result.backend, rate_moment);
+            StepRequest request = composer.compose(view, moment_at(options_, begun_ + k), rate_moment);
+            if (cameras) cameras->gather({&request, 1}, rate_moment);
+            return request;
         });
     return finished ? std::optional(std::move(result)) : std::nullopt;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trains short segments in memory, without files, progress or controllers. `--appearance auto` uses them to compare
-// appearance models.
+// appearance models, `--refine-cameras auto` to compare given with learned cameras.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 #include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
+#include "lib/train/camera_refinement.h"
 #include "lib/train/photometric.h"
 #include "lib/train/training_views.h"
 
@@ -34,13 +35,14 @@ class TrialTraining {
     /// Trains the first `iterations` iterations of a run with the options' appearance.
     TrialResult begin(std::int64_t iterations);
 
-    /// Continues from `state` with another appearance, whose residual begins at zero with all degrees active. No
+    /// Continues from `state` with an appearance, whose residual begins at zero with all degrees active. No
     /// Gaussian is added or relocated. The learning rates follow the rest of a run's schedule in compressed form, so
     /// that the model converges. Every call uses the same views. Returns nothing after more than `most_seconds`, since
     /// models are comparable only after the rates have fallen. Throws NumericError if parameters or losses stay
-    /// non-finite, Interrupted after Ctrl-C.
+    /// non-finite, Interrupted after Ctrl-C. `cameras`, if given, are those of the scene, and learn.
     std::optional<TrialResult> continue_with(const Gaussians& state, const AppearanceSpec& appearance,
-                                             std::int64_t iterations, double most_seconds);
+                                             std::int64_t iterations, double most_seconds,
+                                             CameraRefinement* cameras = nullptr);
 
     Vec3<float> background() const { return views_.fixed_background(); }
     /// Returns the image of a training view, from the cache of the steps.

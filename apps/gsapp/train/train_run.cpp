@@ -11,6 +11,7 @@
 #include "appearance/model_info.h"
 #include "apps/gsapp/live/live_training.h"
 #include "apps/gsapp/train/plan.h"
+#include "eval/auto/camera_trial.h"
 #include "eval/auto/find_appearance.h"
 #include "eval/report/comparison.h"
 #include "eval/runs/run_scene.h"
@@ -92,10 +93,23 @@ void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart
         log_message(&line == &report.lines.back() ? LogLevel::kInfo : LogLevel::kDebug, "--appearance auto: {}",
                     fmt::make_format_args(line));
     write_choice(options.model, report.json);
-    start.first_event = report.json;
-    start.first_event["event"] = "appearance_choice";
+    start.first_events.emplace_back(report.json)["event"] = "appearance_choice";
     options.appearance = report.model;
-    start.used_seconds = report.json.value("seconds", 0.0);
+    start.used_seconds += report.json.value("seconds", 0.0);
+}
+
+/// Decides `--refine-cameras auto`, and writes the reasons as an event of the log. A resumed run goes on as it began.
+void resolve_auto_cameras(TrainOptions& options, const Scene& scene, RunStart& start) {
+    if (start.checkpoint) {
+        options.refine_cameras = start.checkpoint->cameras.views.empty() ? RefineCameras::kOff : RefineCameras::kOn;
+        return;
+    }
+    const CameraTrial trial = try_cameras(options, scene);
+    const CameraDecision decision = decide_cameras(trial);
+    log_info("--refine-cameras auto: {}", decision.reason);
+    start.first_events.push_back(event_of(trial, decision));
+    options.refine_cameras = decision.learn ? RefineCameras::kOn : RefineCameras::kOff;
+    start.used_seconds += trial.seconds;
 }
 
 /// Replaces the selected model by the model without residuals if no Gaussian is to have a residual: for a share of 0,
@@ -250,6 +264,7 @@ std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const
     catch_interrupts();
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
     if (resolve_no_residuals(options, scene)) plan = {};
+    if (options.refine_cameras == RefineCameras::kAuto) resolve_auto_cameras(options, scene, start);
     if (plan.json.is_null()) plan = make_plan(options, scene, held_out);
     log_debug("options that are not at their defaults: {}", changed_options(options));
     for (const std::string& line : plan.lines) log_debug("plan: {}", line);

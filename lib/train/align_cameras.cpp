@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Takes steps of each view's pose against a model that does not learn.
-#include "eval/runs/align_cameras.h"
+#include "lib/train/align_cameras.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "lib/core/median.h"
 #include "lib/scene/camera_params.h"
@@ -12,13 +13,12 @@
 namespace gs {
 namespace {
 
-constexpr int kSteps = 80;
 constexpr double kFirstRate = 0.4;  ///< pixels
-constexpr std::size_t kPoints = 5000;
+constexpr std::size_t kMeans = 5000;
 
 std::vector<Eigen::Vector3d> some_means(Backend& backend) {
     const std::vector<float> means = backend.download(false)[Group::kMean].param;
-    const std::size_t count = means.size() / 3, used = std::min(count, kPoints);
+    const std::size_t count = means.size() / 3, used = std::min(count, kMeans);
     std::vector<Eigen::Vector3d> points;
     for (std::size_t k = 0; k < used; ++k) {
         const float* p = &means[3 * (k * count / used)];
@@ -29,28 +29,30 @@ std::vector<Eigen::Vector3d> some_means(Backend& backend) {
 
 }  // namespace
 
-AlignedViews align_test_cameras(Backend& backend, const Scene& scene, const Vec3<float>& background) {
-    AlignedViews out{scene.test};
+AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3<float>& background, int steps,
+                           const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
+    AlignedViews out{std::move(views)};
     const std::vector<Eigen::Vector3d> points = some_means(backend);
     std::vector<double> pixels;
-    for (View& view : out.views) {
+    for (std::size_t k = 0; k < out.views.size(); ++k) {
+        View& view = out.views[k];
         PoseLearner pose(view.camera, points);
-        const auto image = view_image(view);
+        const auto photograph = image(k);
         const double bound = largest_correction(view.camera);
-        for (int step = 0; step < kSteps; ++step) {
+        for (int step = 0; step < steps; ++step) {
             StepRequest request;
             request.camera = camera_params(view.camera);
             request.background = background;
-            request.target = target_image(*image);
+            request.target = target_image(*photograph);
             request.isp.mode = IspMode::kFrame;
             request.isp.camera = std::max(0, view.camera_id);
             request.gather_camera_gradient = true;
             backend.step(request);
-            const double rate = falling_rate(kFirstRate, double(step) / kSteps);
+            const double rate = falling_rate(kFirstRate, double(step) / steps);
             for (const ViewCameraGradient& found : backend.take_camera_gradients())
                 pose.step(view.camera, pose_gradient(view.camera, found.gradient), rate, bound);
         }
-        pixels.push_back(pose.way_to(view.camera).norm());
+        pixels.push_back(pose.pixels(pose.given(), view.camera));
     }
     if (!pixels.empty()) out.median_pixels = median(std::move(pixels));
     return out;
