@@ -7,14 +7,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
+#include <numeric>
 
 #include "eval/auto/appearance_choice.h"
 #include "eval/auto/photograph.h"
 #include "eval/auto/stage.h"
 #include "kernels/base/clock.h"
 #include "kernels/base/parallel.h"
-#include "lib/model/appearance_spec.h"
 #include "lib/scene/image_cache.h"
 #include "lib/train/align_cameras.h"
 #include "lib/train/camera_refinement.h"
@@ -25,12 +24,31 @@ namespace {
 
 /// Width in pixels to which wider images are reduced.
 constexpr int kWidth = 400;
-/// Share of options.iterations for each of the three trainings.
-constexpr double kShare = 1.0 / 15;
+/// Share of options.iterations for each of the two trainings.
+constexpr double kShare = 1.0 / 10;
 /// Steps of each held-out view's camera towards a model.
-constexpr int kAlignSteps = 40;
+constexpr int kAlignSteps = 60;
 /// Fewest iterations for each training image in which its camera can learn.
 constexpr double kFewestRounds = 4;
+
+double mean(const std::vector<double>& values) {
+    return std::accumulate(values.begin(), values.end(), 0.0) / double(values.size());
+}
+
+/// The mean of differences between pairs, and its standard error.
+struct Gain {
+    double mean = 0, error = 0;
+};
+
+Gain gain_of(std::vector<double> from, const std::vector<double>& to) {
+    const double count = double(from.size());
+    for (std::size_t k = 0; k < from.size(); ++k) from[k] = to[k] - from[k];
+    Gain out{mean(from)};
+    double squares = 0;
+    for (const double gain : from) squares += (gain - out.mean) * (gain - out.mean);
+    if (count > 1) out.error = std::sqrt(squares / (count * (count - 1)));
+    return out;
+}
 
 }  // namespace
 
@@ -44,45 +62,38 @@ CameraTrial try_cameras(const TrainOptions& options, const Scene& scene) {
     const double start = seconds_now();
     set_num_threads(options.threads);
     Stage stage = make_stage(options, scene, kWidth);
-    double most_seconds = std::numeric_limits<double>::infinity();
+    out.iterations = iterations_of(options, kShare);
     if (options.time_limit) {
-        most_seconds = kLimitShare * options.time_limit->seconds;
+        out.iterations = affordable_iterations(stage, kLimitShare * options.time_limit->seconds, 2);
         stage.options.time_limit.reset();
-        stage.options.iterations = std::llround(double(affordable_iterations(stage, most_seconds, 3)) / kShare);
     }
-    out.iterations = iterations_of(stage.options, kShare);
-    const double needed =
-        std::max(double(kFewestTrialIterations), kFewestRounds * double(stage.scene.train.size()));
+    const double needed = std::max(double(kFewestTrialIterations), kFewestRounds * double(stage.scene.train.size()));
     if (double(out.iterations) < needed) {
         out.obstacle = fmt::format("too short to tell: a trial would have {} iterations, and {:.0f} are needed",
                                    out.iterations, needed);
         out.seconds = seconds_now() - start;
         return out;
     }
-    const AppearanceSpec appearance = appearance_spec(options);
+    stage.options.appearance = options.appearance, stage.options.iterations = out.iterations;
     const bool aligns_colours = stage.options.ppisp == PpispMode::kOn;
     TrialTraining trial(stage.options, stage.scene);
     ImageCache images(stage.scene.test, std::numeric_limits<std::size_t>::max(), 0);
-    const Gaussians state = trial.begin(out.iterations).backend->download(false);
-    const auto scores = [&](CameraRefinement* cameras) -> std::vector<double> {
-        const double left = start + most_seconds - seconds_now();
-        const auto trained = trial.continue_with(state, appearance, out.iterations, left, cameras);
-        if (!trained) return {};
+    const auto scores = [&](CameraRefinement* cameras) -> CameraTrial::Scores {
+        const TrialResult trained = trial.begin(out.iterations, cameras);
         const auto image = [&](std::size_t k) { return images.get(k); };
         const AlignedViews aligned =
-            align_cameras(*trained->backend, stage.scene.test, trial.background(), kAlignSteps, image);
-        return psnrs(*trained->backend, load_photographs(aligned.views, trial.background(), image), trial.background(),
-                     aligns_colours);
+            align_cameras(*trained.backend, stage.scene.test, trial.background(), kAlignSteps, image);
+        return {psnrs(*trained.backend, load_photographs(aligned.views, trial.background(), image), trial.background(),
+                      aligns_colours),
+                aligned.ssim};
     };
     out.given = scores(nullptr);
     TrainOptions learning = stage.options;
     learning.refine_cameras = RefineCameras::kOn;
     CameraRefinement cameras(learning, stage.scene);
-    if (!out.given.empty()) out.learned = scores(&cameras);
+    if (!out.given.psnr.empty()) out.learned = scores(&cameras);
     out.median_pixels = cameras.corrections().median / std::sqrt(stage.pixels);
-    if (out.learned.empty())
-        out.obstacle = options.time_limit ? "too short to tell: no trial ended within a tenth of the time limit"
-                                          : "masks leave nothing of the views that cameras would be compared on";
+    if (out.learned.psnr.empty()) out.obstacle = "masks leave nothing of the views that cameras would be compared on";
     out.seconds = seconds_now() - start;
     return out;
 }
@@ -93,18 +104,16 @@ CameraDecision decide_cameras(const CameraTrial& trial) {
         out.reason = "off: " + trial.obstacle;
         return out;
     }
-    const double num_views = double(trial.given.size());
-    double squares = 0;
-    for (std::size_t k = 0; k < trial.given.size(); ++k)
-        out.gain += (trial.learned[k] - trial.given[k]) / num_views,
-            squares += std::pow(trial.learned[k] - trial.given[k], 2);
-    if (num_views > 1)
-        out.error = std::sqrt(std::max(0.0, squares / num_views - out.gain * out.gain) / (num_views - 1));
-    out.learn = out.gain > std::max(kLeastCameraGain, 2 * out.error);
+    const Gain ssim = gain_of(trial.given.ssim, trial.learned.ssim);
+    const double missing = std::max(1e-6, 1 - mean(trial.given.ssim));
+    out.decibels = gain_of(trial.given.psnr, trial.learned.psnr).mean;
+    out.gain = ssim.mean / missing, out.error = ssim.error / missing;
+    out.learn = out.gain > std::max(kLeastCameraGain, 2 * out.error) && out.decibels > 0;
     out.reason = fmt::format(
-        "{}: corrections of {:.2f} pixels in the median, {:+.2f} dB (standard error {:.2f}) on {} held-out views with "
-        "their cameras aligned, and {:g} are asked for",
-        out.learn ? "on" : "off", trial.median_pixels, out.gain, out.error, trial.given.size(), kLeastCameraGain);
+        "{}: corrections of {:.2f} pixels in the median, and {} held-out views, aligned to each model, gain {:+.2f} dB "
+        "and {:+.1f} % of what SSIM lacks to 1 (standard error {:.1f}, asked for {:g})",
+        out.learn ? "on" : "off", trial.median_pixels, trial.given.ssim.size(), out.decibels, 100 * out.gain,
+        100 * out.error, 100 * kLeastCameraGain);
     return out;
 }
 
@@ -113,9 +122,8 @@ nlohmann::ordered_json event_of(const CameraTrial& trial, const CameraDecision& 
     if (trial.obstacle.empty())
         event.update({{"gain", decision.gain},
                       {"standard_error", decision.error},
+                      {"decibels", decision.decibels},
                       {"median_pixels", trial.median_pixels},
-                      {"given_psnr", trial.given},
-                      {"learned_psnr", trial.learned},
                       {"iterations", trial.iterations}});
     event["reason"] = decision.reason, event["seconds"] = trial.seconds;
     return event;

@@ -16,30 +16,37 @@ namespace gs {
 /// What a training with given and one with learned cameras gave on held-out training views, each with its camera
 /// aligned to the model.
 struct CameraTrial {
-    std::string obstacle;               ///< reason why nothing could be measured; empty if measured
-    std::vector<double> given, learned;  ///< PSNR of each held-out view, dB
-    double median_pixels = 0;           ///< median correction of the training images, pixels of their full size
-    std::int64_t iterations = 0;        ///< iterations of each of the two trainings
-    double seconds = 0;                 ///< duration of all measurements
+    /// PSNR (dB) and SSIM of the held-out views
+    struct Scores {
+        std::vector<double> psnr, ssim;
+    };
+    std::string obstacle;  ///< reason why nothing could be measured; empty if measured
+    Scores given, learned;
+    double median_pixels = 0;     ///< median correction of the training images, pixels of their full size
+    std::int64_t iterations = 0;  ///< iterations of each of the two trainings
+    double seconds = 0;           ///< duration of all measurements
 };
 
 /// The decision, with the numbers that it follows from.
 struct CameraDecision {
     bool learn = false;
-    double gain = 0, error = 0;  ///< mean of learned - given, and its standard error, dB
-    std::string reason;          ///< "on: ..." or "off: ..."
+    /// The gain of SSIM with learned cameras as a share of what it lacks to 1 with given ones, and its standard error
+    double gain = 0, error = 0;
+    double decibels = 0;  ///< the gain of PSNR
+    std::string reason;   ///< "on: ..." or "off: ..."
 };
 
-/// The smallest gain of held-out views for which cameras are learned, dB.
-inline constexpr double kLeastCameraGain = 0.2;
+/// The smallest CameraDecision::gain for which cameras are learned.
+inline constexpr double kLeastCameraGain = 0.03;
 
-/// Holds out every 8th training view, makes images at most 400 pixels wide and options.cap_max smaller in proportion,
-/// trains for a fifteenth of options.iterations with the given cameras, and from there twice for as long: with the given
-/// and with learned cameras. With options.time_limit all measurements have a tenth of it. Test views are not used. The
-/// same options and seed give the same result, except for times, unless time ran out. Throws the errors of the training.
+/// Measures whether learned cameras are better. Holds out every 8th training view, makes images at most 400 pixels wide
+/// and options.cap_max smaller in proportion, and trains twice for a tenth of options.iterations: with the given and
+/// with learned cameras. With options.time_limit all measurements have a tenth of it. Test views are not used. The same
+/// options and seed give the same result, except for times and without a time limit. Throws the errors of the training.
 CameraTrial try_cameras(const TrainOptions& options, const Scene& scene);
 
-/// Decides to learn the cameras if the held-out views gain kLeastCameraGain and twice the standard error.
+/// Decides to learn the cameras if the gain exceeds kLeastCameraGain and twice its standard error, and PSNR gains, too.
+/// SSIM tells wrong cameras from others sooner than PSNR does (docs/lab/cameras.md#auto).
 CameraDecision decide_cameras(const CameraTrial& trial);
 
 /// Returns the decision as an event of the training's log.

@@ -132,9 +132,9 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     if (options.time_limit) {
         deadline.limit = kLimitShare * options.time_limit->seconds;
         stage.options.time_limit.reset();
-        stage.options.iterations =
-            std::llround(double(affordable_iterations(stage, deadline.left(0, {}), 1 + candidates(stage.options).size())) /
-                         kTrialShare);
+        stage.options.iterations = std::llround(
+            double(affordable_iterations(stage, deadline.left(0, {}), 1 + candidates(stage.options).size())) /
+            kTrialShare);
     }
     measured.warm_up_iterations = iterations_of(stage.options, kWarmUpShare),
     measured.trial_iterations = iterations_of(stage.options, kTrialShare);

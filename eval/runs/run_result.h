@@ -36,7 +36,8 @@ struct RunResult {
 
     double psnr = 0, ssim = 0;                  ///< means over the test views; psnr in dB, may be infinite
     std::map<std::string, MetricScore> scores;  ///< means of other metrics by MetricInfo::key, or reasons why missing
-    /// Scores with test cameras that were aligned to the model (lib/train/align_cameras.h), and the median correction in pixels
+    /// Scores with test cameras that were aligned to the model (lib/train/align_cameras.h), and the median correction
+    /// in pixels
     std::optional<double> aligned_psnr, aligned_ssim, aligned_pixels;
     std::optional<double> residual_mean;  ///< mean over the views; set if decomposed
     std::vector<ViewScore> views;         ///< scores of the views; not read from files
@@ -49,10 +50,10 @@ struct RunResult {
     std::optional<FrameTimes> frame_times;     ///< result of `gsapp bench frames`
     std::optional<std::int64_t> peak_device_bytes;  ///< peak GPU memory held during training
 
-    std::optional<std::string> photometric;    ///< photometric decision of --ppisp auto
+    std::optional<std::string> photometric;     ///< photometric decision of --ppisp auto
     std::optional<std::string> refine_cameras;  ///< decision of --refine-cameras auto
-    nlohmann::ordered_json appearance_choice;  ///< auto.json of the run; null if the model was named
-    nlohmann::ordered_json plan;               ///< plan of a run with constraints; null without constraints
+    nlohmann::ordered_json appearance_choice;   ///< auto.json of the run; null if the model was named
+    nlohmann::ordered_json plan;                ///< plan of a run with constraints; null without constraints
 
     std::string dataset;                                 ///< name of the dataset; results are averaged over its scenes
     std::string scene;                                   ///< name of the scene

@@ -3,6 +3,7 @@
 #include "lib/train/align_cameras.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "lib/core/median.h"
@@ -13,7 +14,7 @@
 namespace gs {
 namespace {
 
-constexpr double kFirstRate = 0.4;  ///< pixels
+constexpr double kFirstRate = 0.2;  ///< pixels
 constexpr std::size_t kMeans = 5000;
 
 std::vector<Eigen::Vector3d> some_means(Backend& backend) {
@@ -31,7 +32,7 @@ std::vector<Eigen::Vector3d> some_means(Backend& backend) {
 
 AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3<float>& background, int steps,
                            const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
-    AlignedViews out{std::move(views)};
+    AlignedViews out{.views = std::move(views)};
     const std::vector<Eigen::Vector3d> points = some_means(backend);
     std::vector<double> pixels;
     for (std::size_t k = 0; k < out.views.size(); ++k) {
@@ -39,19 +40,25 @@ AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3
         PoseLearner pose(view.camera, points);
         const auto photograph = image(k);
         const double bound = largest_correction(view.camera);
+        Camera camera = view.camera;
+        StepStats best{.loss = std::numeric_limits<double>::infinity()};
         for (int step = 0; step < steps; ++step) {
             StepRequest request;
-            request.camera = camera_params(view.camera);
+            request.camera = camera_params(camera);
             request.background = background;
             request.target = target_image(*photograph);
             request.isp.mode = IspMode::kFrame;
             request.isp.camera = std::max(0, view.camera_id);
             request.gather_camera_gradient = true;
             backend.step(request);
+            const auto gradients = backend.take_camera_gradients();  // waits for the step, which the loss follows from
+            if (const StepStats stats = backend.take_stats(); stats.loss < best.loss)
+                best = stats, view.camera = camera;
             const double rate = falling_rate(kFirstRate, double(step) / steps);
-            for (const ViewCameraGradient& found : backend.take_camera_gradients())
-                pose.step(view.camera, pose_gradient(view.camera, found.gradient), rate, bound);
+            for (const ViewCameraGradient& found : gradients)
+                pose.step(camera, pose_gradient(camera, found.gradient), rate, 0, bound);
         }
+        out.ssim.push_back(best.ssim);
         pixels.push_back(pose.pixels(pose.given(), view.camera));
     }
     if (!pixels.empty()) out.median_pixels = median(std::move(pixels));

@@ -25,13 +25,13 @@ using Eigen::Matrix3d, Eigen::Vector3d;
 constexpr double kFrom = 1000, kUntil = 24000;
 /// How far a camera can go along each direction, pixels. The rate follows from it and from the number of steps.
 constexpr double kTravel = 6, kLargestRate = 0.25;
-/// The weight of the distances of COLMAP's tracks, in pixels, in the loss.
-constexpr double kTrackWeight = 0.1;
-/// The pull towards the given pose without tracks, per pixel.
-constexpr double kPriorWeight = 1e-4;
-/// The pull of the principal point towards the given one, per pixel. A shift is nearly the same as a turn of all
-/// cameras, which the poses can learn.
-constexpr double kPrincipalPointWeight = 0.02;
+/// The pull of a camera towards where it began, per pixel, with and without COLMAP's tracks.
+constexpr double kPullWithTracks = 0.1, kPullWithoutTracks = 2e-3;
+/// The fewest tracks of an image that hold its camera.
+constexpr std::size_t kFewestTracks = 20;
+/// The least pull of focal length and principal point. Another focal length is nearly the same as other distances of
+/// the cameras, and another principal point as a turn of all of them, which the poses can learn.
+constexpr double kPullOfFocal = 0.01, kPullOfPrincipalPoint = 0.02;
 /// Points of the scene from which the coordinates of poses follow.
 constexpr std::int64_t kPoints = 5000;
 /// How far the logarithm of a focal length may go.
@@ -134,28 +134,30 @@ void CameraRefinement::collect(Backend& backend) {
     }
 }
 
+/// Returns the pull of a view's camera towards where it began. There, COLMAP's own poses fit its tracks best.
+double CameraRefinement::pull_of(std::size_t view) const {
+    return scene_.train[view].observations.size() < kFewestTracks ? kPullWithoutTracks : kPullWithTracks;
+}
+
 /// Takes a step of all cameras that have gradients.
 void CameraRefinement::move(double rate) {
     struct LensSum {
-        double gradient[3] = {}, count = 0;
+        double gradient[3] = {}, pull = 0, count = 0;
     };
     std::vector<LensSum> sums(lenses_.size());
     for (std::size_t k = 0; k < views_.size(); ++k) {
         LearnedView& view = views_[k];
         if (view.count == 0) continue;
         Camera& camera = scene_.train[k].camera;
-        const Eigen::Matrix<double, 9, 1> tracks =
-            kTrackWeight * track_error(camera, scene_.train[k].observations).gradient;
         const double mean = 1 / view.count;
-        Vector6d gradient = mean * pose_gradient(camera, view.sum) + tracks.head<6>();
-        if (scene_.train[k].observations.empty()) gradient += kPriorWeight * view.pose.pull(camera);
         const CameraGradient<double>& sum = view.sum;
         LensSum& lens = sums[view.lens];
-        lens.gradient[0] += mean * (sum.fx * camera.fx + sum.fy * camera.fy) + tracks[6];
-        lens.gradient[1] += mean * sum.cx + tracks[7];
-        lens.gradient[2] += mean * sum.cy + tracks[8];
+        lens.gradient[0] += mean * (sum.fx * camera.fx + sum.fy * camera.fy);
+        lens.gradient[1] += mean * sum.cx;
+        lens.gradient[2] += mean * sum.cy;
+        lens.pull += pull_of(k);
         ++lens.count;
-        view.pose.step(camera, gradient, rate, largest_correction(camera));
+        view.pose.step(camera, mean * pose_gradient(camera, view.sum), rate, pull_of(k), largest_correction(camera));
         view.sum = {}, view.count = 0;
     }
     for (std::size_t k = 0; k < lenses_.size(); ++k) {
@@ -164,18 +166,20 @@ void CameraRefinement::move(double rate) {
         double gradient[3], direction[3];
         for (int i = 0; i < 3; ++i) gradient[i] = sums[k].gradient[i] / sums[k].count;
         gradient[0] /= lens.radius();
-        gradient[1] += kPrincipalPointWeight * (lens.now.cx - lens.start.cx);
-        gradient[2] += kPrincipalPointWeight * (lens.now.cy - lens.start.cy);
         if (!std::isfinite(gradient[0] + gradient[1] + gradient[2])) continue;
-        adam_direction(lens.moments, 3, gradient, direction);
+        const double root = adam_direction(lens.moments, 3, gradient, direction);
+        if (root == 0) continue;
         const double of_lens = rate * std::min(1.0, lens.num_views / kViewsOfLens);
         const double most = largest_correction(lens.given);
-        const auto step = [](double& value, double by, double start, double most_of_all) {
-            value = std::clamp(value - by, start - most_of_all, start + most_of_all);
+        const auto step = [&](double& value, double start, int k, double unit, double pull, double bound) {
+            const double way = value - start - of_lens * direction[k] * unit;
+            value = start + std::clamp(way * share_after_pull(way / unit, pull, of_lens, root), -bound, bound);
         };
-        step(lens.now.log_focal, of_lens * direction[0] / lens.radius(), lens.start.log_focal, kMostLogFocal);
-        step(lens.now.cx, of_lens * direction[1], lens.start.cx, most);
-        step(lens.now.cy, of_lens * direction[2], lens.start.cy, most);
+        const double pull = sums[k].pull / sums[k].count, of_point = std::max(pull, kPullOfPrincipalPoint);
+        step(lens.now.log_focal, lens.start.log_focal, 0, 1 / lens.radius(), std::max(pull, kPullOfFocal),
+             kMostLogFocal);
+        step(lens.now.cx, lens.start.cx, 1, 1, of_point, most);
+        step(lens.now.cy, lens.start.cy, 2, 1, of_point, most);
     }
     set_lenses();
     take_back_common_part();
@@ -211,7 +215,6 @@ double CameraRefinement::error_of_tracks(std::size_t lens) const {
 /// Moves the cameras to where they fit the tracks best, lens by lens, if they fit clearly better there: the dataset's
 /// poses may not be those with which its points were found. The training then begins there.
 void CameraRefinement::fit_to_tracks(const std::vector<Vector3d>& points) {
-    constexpr std::size_t kFewest = 20;
     constexpr int kRounds = 10;
     constexpr double kDamping = 1e-4, kClearly = 0.9;
     using Matrix63 = Eigen::Matrix<double, 6, 3>;
@@ -228,7 +231,7 @@ void CameraRefinement::fit_to_tracks(const std::vector<Vector3d>& points) {
             std::vector<std::pair<Vector6d, Matrix63>> of_poses(views_.size(), {Vector6d::Zero(), Matrix63::Zero()});
             for (std::size_t k = 0; k < views_.size(); ++k) {
                 const auto& observations = scene_.train[k].observations;
-                if (views_[k].lens != l || observations.size() < kFewest) continue;
+                if (views_[k].lens != l || observations.size() < kFewestTracks) continue;
                 TrackError error = track_error(scene_.train[k].camera, observations);
                 error.hessian.diagonal() *= 1 + kDamping;
                 const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> pose(error.hessian.topLeftCorner<6, 6>());

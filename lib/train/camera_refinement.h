@@ -84,6 +84,7 @@ class CameraRefinement {
 
     void fit_to_tracks(const std::vector<Eigen::Vector3d>& points);
     bool learns(const ScheduleMoment& moment) const;
+    double pull_of(std::size_t view) const;
     double error_of_tracks(std::size_t lens) const;
     void collect(Backend& backend);
     void move(double rate);

@@ -141,14 +141,15 @@ Camera PoseLearner::moved(Camera camera, const Vector6d& way) const {
     return moved_by(camera, from_pixels_ * way);
 }
 
-void PoseLearner::step(Camera& camera, const Vector6d& gradient, double rate, double bound) {
+void PoseLearner::step(Camera& camera, const Vector6d& gradient, double rate, double pull, double bound) {
     const Vector6d by_pixels = from_pixels_.transpose() * gradient;
     if (!by_pixels.allFinite()) return;
     Vector6d direction;
-    adam_direction(moments_, 6, by_pixels.data(), direction.data());
-    camera = moved_by(camera, from_pixels_ * (-rate * direction));
-    const Vector6d way = way_to(camera);
-    if (const double length = way.norm(); length > bound) camera = moved(camera, way * (bound / length));
+    const double root = adam_direction(moments_, 6, by_pixels.data(), direction.data());
+    if (root == 0) return;
+    const Vector6d way = way_to(moved_by(camera, from_pixels_ * (-rate * direction)));
+    const double length = way.norm(), left = share_after_pull(length, pull, rate, root);
+    camera = moved(camera, way * (length * left > bound ? bound / length : left));
 }
 
 double largest_correction(const LensCamera& camera) { return 0.03 * std::max(camera.width, camera.height); }
@@ -157,7 +158,7 @@ double falling_rate(double first, double share) {
     return first * 0.5 * (1 + std::cos(std::numbers::pi * std::clamp(share, 0.0, 1.0)));
 }
 
-void adam_direction(double* moments, int size, const double* gradient, double* direction) {
+double adam_direction(double* moments, int size, const double* gradient, double* direction) {
     constexpr double kFirst = 0.9, kSecond = 0.98;
     double &second = moments[size], &steps = moments[size + 1], square = 0;
     for (int k = 0; k < size; ++k) {
@@ -168,6 +169,11 @@ void adam_direction(double* moments, int size, const double* gradient, double* d
     ++steps;
     const double root = std::sqrt(second / (1 - std::pow(kSecond, steps)));
     for (int k = 0; k < size; ++k) direction[k] = root > 0 ? moments[k] / (1 - std::pow(kFirst, steps)) / root : 0;
+    return root;
+}
+
+double share_after_pull(double way, double weight, double rate, double root) {
+    return 1 / (1 + rate / root * weight / std::max(1.0, std::abs(way)));
 }
 
 }  // namespace gs

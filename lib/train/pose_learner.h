@@ -54,12 +54,11 @@ class PoseLearner {
     PoseLearner(const Camera& given, const std::vector<Eigen::Vector3d>& points);
 
     /// Moves the camera against the gradient by turn and shift: by about `rate` pixels along each direction, and not
-    /// farther than `bound` pixels from the given pose. A gradient that is not finite moves nothing.
-    void step(Camera& camera, const Vector6d& gradient, double rate, double bound);
+    /// farther than `bound` pixels from the given pose. `pull` is the weight in the loss of half the square of the way
+    /// from the given pose, linear beyond a pixel. A gradient that is not finite moves nothing.
+    void step(Camera& camera, const Vector6d& gradient, double rate, double pull, double bound);
     /// Returns the way from the given pose to a camera, pixels along each direction.
     Vector6d way_to(const Camera& camera) const;
-    /// Returns the gradient of half the square of that way, by turn and shift, to first order.
-    Vector6d pull(const Camera& camera) const { return to_pixels_.transpose() * way_to(camera); }
     /// Returns the root mean square way of points from one camera to another, pixels, to first order.
     double pixels(const Camera& from, const Camera& to) const { return (to_pixels_ * correction_of(from, to)).norm(); }
     /// Returns the camera with the given pose and the lens of `camera`, moved by such a way.
@@ -85,8 +84,13 @@ double largest_correction(const LensCamera& camera);
 double falling_rate(double first, double share);
 
 /// A step of Adam whose second moment is common to all coordinates, so that it does not depend on the choice of the
-/// axes. moments: `size` first moments, the second moment, the number of steps. Returns the direction, of about the
-/// length of a coordinate for each of them.
-void adam_direction(double* moments, int size, const double* gradient, double* direction);
+/// axes. moments: `size` first moments, the second moment, the number of steps. Sets the direction, of about the length
+/// of a coordinate for each of them, and returns the root of the second moment; 0 if no gradient was ever other than 0.
+double adam_direction(double* moments, int size, const double* gradient, double* direction);
+
+/// Returns the share of a way from its start that is left when a pull towards the start, with this weight in the loss,
+/// has acted beside a step of Adam of such a rate and such a root of the second moment. The pull is followed
+/// implicitly, so that a strong one does not overshoot. Half the square of the way, linear beyond 1, is what it weighs.
+double share_after_pull(double way, double weight, double rate, double root);
 
 }  // namespace gs

@@ -62,7 +62,7 @@ Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearan
 TrialTraining::TrialTraining(const TrainOptions& options, const Scene& scene)
     : options_(options), scene_(scene), views_(options_, scene_), photometric_(options_, scene_) {}
 
-TrialResult TrialTraining::begin(std::int64_t iterations) {
+TrialResult TrialTraining::begin(std::int64_t iterations, CameraRefinement* cameras) {
     const AppearanceSpec appearance = appearance_spec(options_);
     const StepComposer composer(options_, appearance, scene_, &photometric_);
     std::vector<RenderRequest> training_views;
@@ -77,16 +77,18 @@ TrialResult TrialTraining::begin(std::int64_t iterations) {
     run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(),
         [&](std::int64_t k, const StepView& view) {
             const ScheduleMoment moment = moment_at(options_, k);
+            if (cameras) cameras->before_step(*result.backend, moment);
             schedule.before_step(*result.backend, moment);
-            return composer.compose(view, moment);
+            StepRequest request = composer.compose(view, moment);
+            if (cameras) cameras->gather({&request, 1}, moment);
+            return request;
         });
     begun_ = iterations;
     return result;
 }
 
 std::optional<TrialResult> TrialTraining::continue_with(const Gaussians& state, const AppearanceSpec& appearance,
-                                                        std::int64_t iterations, double most_seconds,
-                                                        CameraRefinement* cameras) {
+                                                        std::int64_t iterations, double most_seconds) {
     TrainOptions resting = options_;
     resting.strategy = Strategy::kNone;  // no noise on the means
     const StepComposer composer(resting, appearance, scene_, &photometric_);
@@ -96,13 +98,8 @@ std::optional<TrialResult> TrialTraining::continue_with(const Gaussians& state, 
     result.backend->upload(start);
     const bool finished =
         run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, const StepView& view) {
-            const double pace = (kLastRate - kFirstRate) / double(iterations);
-            const auto rates = std::int64_t(kFirstRate + pace * double(k));
-            const ScheduleMoment rate_moment{rates, double(rates), double(rates - 1), pace};
-            if (cameras) cameras->before_step(*result.backend, rate_moment);
-            StepRequest request = composer.compose(view, moment_at(options_, begun_ + k), rate_moment);
-            if (cameras) cameras->gather({&request, 1}, rate_moment);
-            return request;
+            const auto rates = std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations));
+            return composer.compose(view, moment_at(options_, begun_ + k), {rates, double(rates), double(rates - 1)});
         });
     return finished ? std::optional(std::move(result)) : std::nullopt;
 }

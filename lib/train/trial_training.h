@@ -32,17 +32,17 @@ class TrialTraining {
     /// outlive the object.
     TrialTraining(const TrainOptions& options, const Scene& scene);
 
-    /// Trains the first `iterations` iterations of a run with the options' appearance.
-    TrialResult begin(std::int64_t iterations);
+    /// Trains the first `iterations` iterations of a run with the options' appearance. `cameras`, if given, are those
+    /// of the scene, and learn.
+    TrialResult begin(std::int64_t iterations, CameraRefinement* cameras = nullptr);
 
-    /// Continues from `state` with an appearance, whose residual begins at zero with all degrees active. No
+    /// Continues from `state` with another appearance, whose residual begins at zero with all degrees active. No
     /// Gaussian is added or relocated. The learning rates follow the rest of a run's schedule in compressed form, so
     /// that the model converges. Every call uses the same views. Returns nothing after more than `most_seconds`, since
     /// models are comparable only after the rates have fallen. Throws NumericError if parameters or losses stay
-    /// non-finite, Interrupted after Ctrl-C. `cameras`, if given, are those of the scene, and learn.
+    /// non-finite, Interrupted after Ctrl-C.
     std::optional<TrialResult> continue_with(const Gaussians& state, const AppearanceSpec& appearance,
-                                             std::int64_t iterations, double most_seconds,
-                                             CameraRefinement* cameras = nullptr);
+                                             std::int64_t iterations, double most_seconds);
 
     Vec3<float> background() const { return views_.fixed_background(); }
     /// Returns the image of a training view, from the cache of the steps.

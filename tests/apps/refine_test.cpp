@@ -47,6 +47,16 @@ TEST(RefineCommand, TrainsScoresAndTrainsOnItsCameras) {
     EXPECT_FALSE(std::filesystem::exists(program.path("other/refined")));
     EXPECT_TRUE(std::filesystem::exists(program.path("scene/images")));
 
+    // Ten images are too few to hold some out, which auto says; a resumed run goes on as it began.
+    const Outcome chosen = expect_ok("train -s scene -m chosen --refine-cameras auto" + options);
+    EXPECT_NE(chosen.err.find("--refine-cameras auto: off: "), std::string::npos) << chosen.err;
+    EXPECT_NE(program.read("chosen/config.yaml").find("refine-cameras: off"), std::string::npos);
+    const auto decided = parse_json(program.read("chosen/results.json"));
+    EXPECT_EQ(decided["refine_cameras"]["ours_60"].get<std::string>().substr(0, 4), "off:");
+    expect_ok("train -s scene -m longer --refine-cameras auto --resume run/checkpoints/iteration_60.safetensors" +
+              options + " --iterations 80");
+    EXPECT_NE(program.read("longer/config.yaml").find("refine-cameras: on"), std::string::npos);
+
     const auto expect_same_places = [&](const std::string& a, const std::string& b) {
         const auto before = parse_json(program.read(a + "/cameras.json")),
                    now = parse_json(program.read(b + "/cameras.json"));

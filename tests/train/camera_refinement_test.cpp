@@ -119,13 +119,36 @@ TEST(CameraRefinement, StepsGoDownhillWithinTheirBounds) {
     Camera camera = given;
     const double before = track_error(camera, seen).mean;
     for (int k = 0; k < 200; ++k)
-        pose.step(camera, track_error(camera, seen).gradient.head<6>(), 0.1 * (1 - k / 200.0), 20);
+        pose.step(camera, track_error(camera, seen).gradient.head<6>(), 0.1 * (1 - k / 200.0), 0, 20);
     EXPECT_LT(track_error(camera, seen).mean, 0.01 * before);
-    for (int k = 0; k < 50; ++k) pose.step(camera, Vector6d::Constant(1e3), 1, 2);
+    for (int k = 0; k < 50; ++k) pose.step(camera, Vector6d::Constant(1e3), 1, 0, 2);
     EXPECT_NEAR(pose.way_to(camera).norm(), 2, 0.01);
     const Camera held = camera;
-    pose.step(camera, Vector6d::Constant(std::nan("")), 1, 2);
+    pose.step(camera, Vector6d::Constant(std::nan("")), 1, 0, 2);
     EXPECT_EQ(camera.translation, held.translation);
+}
+
+TEST(CameraRefinement, APullBalancesTheGradientAndDoesNotOvershoot) {
+    const Camera given = some_camera(CameraModel::kPinhole);
+    const PoseLearner start(given, points_before(given, 100));
+    const Vector6d minimum = Vector6d::Constant(0.2);
+    for (const double pull : {0.0, 0.01, 0.04, 100.0}) {
+        SCOPED_TRACE(pull);
+        constexpr double kCurvature = 0.02;
+        PoseLearner pose = start;
+        Camera camera = given;
+        for (int k = 0; k < 400; ++k) {
+            const Vector6d way = pose.way_to(camera);
+            ASSERT_LT(way.norm(), 1) << "after " << k << " steps";
+            const Vector6d by_pixels = kCurvature * (way - minimum);
+            Vector6d gradient;  // the same by turn and shift
+            for (int i = 0; i < 6; ++i)
+                gradient[i] = by_pixels.dot(pose.way_to(moved_by(given, 1e-6 * Vector6d::Unit(i)))) / 1e-6;
+            pose.step(camera, gradient, 0.05 * (1 - k / 400.0), pull, 20);
+        }
+        const Vector6d expected = minimum * (kCurvature / (kCurvature + pull));
+        EXPECT_LT((pose.way_to(camera) - expected).norm(), 0.02);
+    }
 }
 
 TEST(CameraRefinement, SimilarityIsFoundFromTheCameras) {

@@ -218,7 +218,8 @@ TEST(Results, EveryFieldIsReadAsItWasWritten) {
     RunResult& r = w.result;
     r.controller_seconds = 2.5, r.frame_seconds = 0.5, r.residual_mean = 0.25, r.residual_share = 0.5;
     r.aligned_psnr = 32.5, r.aligned_ssim = 0.875, r.aligned_pixels = 0.125;
-    r.ply_bytes_per_gaussian = 248, r.web_bytes_per_gaussian = 56, r.photometric = "on: made up", r.refine_cameras = "off: made up";
+    r.ply_bytes_per_gaussian = 248, r.web_bytes_per_gaussian = 56, r.photometric = "on: made up",
+    r.refine_cameras = "off: made up";
     r.frame = {{"scale", 2}}, r.plan = {{"size", {{"bytes", 7}}}}, r.appearance_choice = {{"model", "sh"}};
     r.frame_times = FrameTimes{"d", 3, 9, 2, 1.5, 1, 4};
     w.write();
