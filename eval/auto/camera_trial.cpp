@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "eval/auto/appearance_choice.h"
 #include "eval/auto/photograph.h"
@@ -22,14 +23,12 @@
 namespace gs {
 namespace {
 
-/// Width in pixels to which wider images are reduced.
-constexpr int kWidth = 400;
 /// Share of options.iterations for each of the two trainings.
 constexpr double kShare = 1.0 / 10;
 /// Steps of each held-out view's camera towards a model.
 constexpr int kAlignSteps = 60;
 /// Fewest iterations for each training image in which its camera can learn.
-constexpr double kFewestRounds = 4;
+constexpr double kFewestRounds = 10;
 
 double mean(const std::vector<double>& values) {
     return std::accumulate(values.begin(), values.end(), 0.0) / double(values.size());
@@ -54,29 +53,34 @@ Gain gain_of(std::vector<double> from, const std::vector<double>& to) {
 
 CameraTrial try_cameras(const TrainOptions& options, const Scene& scene) {
     CameraTrial out;
-    if (scene.train.size() < 2 * kFewestViews) {
-        out.obstacle = fmt::format("{} training views are too few to hold some out; {} are needed", scene.train.size(),
-                                   2 * kFewestViews);
-        return out;
-    }
     const double start = seconds_now();
+    const auto without_result = [&](std::string obstacle) {
+        out.obstacle = std::move(obstacle), out.seconds = seconds_now() - start;
+        return out;
+    };
+    if (scene.train.size() < 2 * kFewestViews)
+        return without_result(fmt::format("{} training views are too few to hold some out; {} are needed",
+                                          scene.train.size(), 2 * kFewestViews));
     set_num_threads(options.threads);
-    Stage stage = make_stage(options, scene, kWidth);
+    Stage stage = make_stage(options, scene, kStageWidth);
+    stage.options.appearance = options.appearance;
+    stage.options.schedule = ScheduleKind::kProgress;  // a short training has all of its parts
     out.iterations = iterations_of(options, kShare);
     if (options.time_limit) {
-        out.iterations = affordable_iterations(stage, kLimitShare * options.time_limit->seconds, 2);
+        const std::int64_t aligning = kAlignSteps * std::int64_t(stage.scene.test.size());
+        out.iterations = affordable_iterations(stage, kLimitShare * options.time_limit->seconds, 2) - aligning;
         stage.options.time_limit.reset();
     }
     const double needed = std::max(double(kFewestTrialIterations), kFewestRounds * double(stage.scene.train.size()));
-    if (double(out.iterations) < needed) {
-        out.obstacle = fmt::format("too short to tell: a trial would have {} iterations, and {:.0f} are needed",
-                                   out.iterations, needed);
-        out.seconds = seconds_now() - start;
-        return out;
-    }
-    stage.options.appearance = options.appearance, stage.options.iterations = out.iterations;
-    const bool aligns_colours = stage.options.ppisp == PpispMode::kOn;
+    if (double(out.iterations) < needed)
+        return without_result(fmt::format("too short to tell: a trial would have {} iterations, and {:.0f} are needed",
+                                          std::max<std::int64_t>(0, out.iterations), needed));
+    stage.options.iterations = out.iterations;
     TrialTraining trial(stage.options, stage.scene);
+    std::erase_if(stage.scene.test,
+                  [&](const View& view) { return load_photographs({view}, trial.background()).empty(); });
+    if (stage.scene.test.empty())
+        return without_result("masks leave nothing of the views that cameras would be compared on");
     ImageCache images(stage.scene.test, std::numeric_limits<std::size_t>::max(), 0);
     const auto scores = [&](CameraRefinement* cameras) -> CameraTrial::Scores {
         const TrialResult trained = trial.begin(out.iterations, cameras);
@@ -84,16 +88,15 @@ CameraTrial try_cameras(const TrainOptions& options, const Scene& scene) {
         const AlignedViews aligned =
             align_cameras(*trained.backend, stage.scene.test, trial.background(), kAlignSteps, image);
         return {psnrs(*trained.backend, load_photographs(aligned.views, trial.background(), image), trial.background(),
-                      aligns_colours),
+                      stage.options.ppisp == PpispMode::kOn),
                 aligned.ssim};
     };
     out.given = scores(nullptr);
     TrainOptions learning = stage.options;
     learning.refine_cameras = RefineCameras::kOn;
     CameraRefinement cameras(learning, stage.scene);
-    if (!out.given.psnr.empty()) out.learned = scores(&cameras);
+    out.learned = scores(&cameras);
     out.median_pixels = cameras.corrections().median / std::sqrt(stage.pixels);
-    if (out.learned.psnr.empty()) out.obstacle = "masks leave nothing of the views that cameras would be compared on";
     out.seconds = seconds_now() - start;
     return out;
 }

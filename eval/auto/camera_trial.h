@@ -2,7 +2,6 @@
 // `--refine-cameras auto`: learns the cameras in a short training, and compares it with one that has the given cameras.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -16,7 +15,7 @@ namespace gs {
 /// What a training with given and one with learned cameras gave on held-out training views, each with its camera
 /// aligned to the model.
 struct CameraTrial {
-    /// PSNR (dB) and SSIM of the held-out views
+    /// PSNR (dB), with colours aligned if PPISP is on, and SSIM, without, of the held-out views
     struct Scores {
         std::vector<double> psnr, ssim;
     };
@@ -41,8 +40,9 @@ inline constexpr double kLeastCameraGain = 0.03;
 
 /// Measures whether learned cameras are better. Holds out every 8th training view, makes images at most 400 pixels wide
 /// and options.cap_max smaller in proportion, and trains twice for a tenth of options.iterations: with the given and
-/// with learned cameras. With options.time_limit all measurements have a tenth of it. Test views are not used. The same
-/// options and seed give the same result, except for times and without a time limit. Throws the errors of the training.
+/// with learned cameras. With options.time_limit all measurements have about a tenth of it, as estimated beforehand.
+/// Test views are not used. Without a time limit, the same options and seed give the same result except for times.
+/// Throws the errors of the training.
 CameraTrial try_cameras(const TrainOptions& options, const Scene& scene);
 
 /// Decides to learn the cameras if the gain exceeds kLeastCameraGain and twice its standard error, and PSNR gains, too.

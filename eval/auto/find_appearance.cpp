@@ -16,21 +16,14 @@
 #include "kernels/base/parallel.h"
 #include "lib/core/quantities.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/model/initialize.h"
 #include "lib/scene/frame.h"
-#include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/group_backend.h"
-#include "lib/train/model_limits.h"
 #include "lib/train/trial_training.h"
 
 namespace gs {
 namespace {
 
-/// Width in pixels to which wider images are reduced, with cap_max in proportion to their pixels: differences between
-/// models appear sooner, in a fraction of the time. (On lego sv, its best model, led sh by 0.22 dB after 2000 and 2000
-/// iterations at 400 pixels, and by 0.07 after 3000 and 1500 at 800 pixels with three times the Gaussians.)
-constexpr int kStageWidth = 400;
 /// Shares of options.iterations for the training without view dependence, from which all trials start, and for each
 /// trial.
 constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;

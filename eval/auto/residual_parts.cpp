@@ -41,11 +41,11 @@ Basis basis(const Eigen::Vector3d& direction) {
 
 /// Maps all of space into the ball of radius 2 around the middle of the Gaussians; a camera at the median distance is
 /// mapped to radius 1.
-struct Frame {
+struct Contraction {
     Eigen::Vector3d center;
     double radius = 1;
 
-    Frame(const Gaussians& g, const std::vector<Photograph>& photographs) : center(median_center(g)) {
+    Contraction(const Gaussians& g, const std::vector<Photograph>& photographs) : center(median_center(g)) {
         std::vector<double> distances;
         for (const Photograph& p : photographs) distances.push_back((p.camera.center() - center).norm());
         radius = std::max(median(std::move(distances)), 1e-9);
@@ -80,11 +80,11 @@ class Measurement {
         Gaussians g = plain.download(false);
         g.ppisp = {};  // would alter encoded positions as it does colours
         g.appearance = plain_sh_appearance(0);
-        const Frame frame(g, photographs);
+        const Contraction contract(g, photographs);
         for (std::int64_t i = 0; i < g.count; ++i) {
             float* base = g[Group::kBase].param.data() + 3 * i;
             const float* mean = g[Group::kMean].param.data() + 3 * i;
-            const Eigen::Vector3d p = frame(Eigen::Vector3f(mean[0], mean[1], mean[2]).cast<double>());
+            const Eigen::Vector3d p = contract(Eigen::Vector3f(mean[0], mean[1], mean[2]).cast<double>());
             for (int axis = 0; axis < 3; ++axis)
                 base[axis] = float(p[axis] / kSide);  // 1/2 is added on display, giving [0,1]
         }

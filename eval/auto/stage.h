@@ -11,6 +11,10 @@
 
 namespace gs {
 
+/// Width in pixels to which wider images are reduced: differences between models appear sooner, in a fraction of the
+/// time. (On lego sv, its best model, led sh by 0.22 dB after 2000 and 2000 iterations at 400 pixels, and by 0.07 after
+/// 3000 and 1500 at 800 pixels with three times the Gaussians.)
+inline constexpr int kStageWidth = 400;
 /// The share of a time limit for the measurements before a run.
 inline constexpr double kLimitShare = 0.1;
 

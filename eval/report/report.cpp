@@ -17,7 +17,14 @@
 namespace gs {
 namespace {
 
-/// Returns the runs of all scenes. Dataset tables repeat them and are skipped.
+struct Cost {
+    const char *key, *title, *axis;
+};
+constexpr Cost kCosts[] = {{"train_seconds", "training time", "training time, s"},
+                           {"bytes_per_gaussian", "appearance size", "appearance, bytes a Gaussian"}};
+
+}  // namespace
+
 std::vector<const RunResult*> runs_of(const Comparison& comparison) {
     std::vector<const RunResult*> runs;
     for (const ComparisonTable& table : comparison.tables) {
@@ -27,14 +34,6 @@ std::vector<const RunResult*> runs_of(const Comparison& comparison) {
     }
     return runs;
 }
-
-struct Cost {
-    const char *key, *title, *axis;
-};
-constexpr Cost kCosts[] = {{"train_seconds", "training time", "training time, s"},
-                           {"bytes_per_gaussian", "appearance size", "appearance, bytes a Gaussian"}};
-
-}  // namespace
 
 std::string report_tables(const Comparison& comparison) {
     std::string html;
@@ -81,6 +80,7 @@ void write_report(const std::filesystem::path& path, const Comparison& compariso
     fill(page, "pictures", report_pictures(comparison, options));
     fill(page, "program", html_escaped(version_text()));
     fill(page, "stability", report_stability(comparison));
+    fill(page, "cameras", report_cameras(comparison, options));
     fill(page, "plots", report_plots(comparison));
     fill(page, "frames", report_frame_times(comparison));
     fill(page, "tables", report_tables(comparison));

@@ -7,10 +7,13 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "eval/pages/escape.h"
+#include "eval/pages/scatter.h"
 #include "eval/report/report.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/io/image.h"
+#include "lib/model/cameras_json.h"
 #include "lib/model/run_folder.h"
 
 namespace gs {
@@ -41,17 +44,23 @@ Image error_of(const Image& a, const Image& b) {
     return error;
 }
 
+/// Returns a data URI of the image, which is downsized if it is wider than `max_width`.
+std::string jpeg_uri(const Image& image, int max_width) {
+    const bool wide = image.width > max_width;
+    return "data:image/jpeg;base64," +
+           base64(encode_jpeg(
+               wide ? resize_image(image, max_width, std::max(1, image.height * max_width / image.width)) : image,
+               kJpegQuality));
+}
+
 /// Data URIs, each stored once because runs of one scene share their photographs.
 class Images {
   public:
     explicit Images(int max_width) : max_width_(max_width) {}
 
     int add(const Image& image) {
-        const bool wide = image.width > max_width_;
-        const Image shown =
-            wide ? resize_image(image, max_width_, std::max(1, image.height * max_width_ / image.width)) : image;
-        const auto [at, added] = index_.try_emplace(base64(encode_jpeg(shown, kJpegQuality)), int(uris_.size()));
-        if (added) uris_.push_back("data:image/jpeg;base64," + at->first);
+        const auto [at, added] = index_.try_emplace(jpeg_uri(image, max_width_), int(uris_.size()));
+        if (added) uris_.push_back(at->first);
         return at->second;
     }
     const std::vector<std::string>& uris() const { return uris_; }
@@ -101,7 +110,42 @@ Json layers_of(const RunResult& run, const std::vector<std::pair<int, std::strin
     return layers;
 }
 
+/// Returns plot and pictures of a run's learned cameras; empty if it has none.
+std::string corrections_html(const RunResult& run, int max_width) {
+    const RunFolder folder{run.folder};
+    const std::vector<ListedView> views = read_cameras_json(folder.cameras()), largest = corrected_views(views);
+    if (largest.empty()) return {};
+    ScatterPlot plot{.title = fmt::format("{}: corrections of the training images", run.run),
+                     .x_title = "image, by name",
+                     .y_title = "correction, pixels",
+                     .points = {}};
+    for (const ListedView& view : views)
+        if (view.correction)
+            plot.points.push_back({.x = double(plot.points.size()),
+                                   .y = *view.correction,
+                                   .tooltip = fmt::format("{}: {:.2f} pixels", view.name, *view.correction)});
+    std::string html = scatter_svg(plot);
+    for (std::size_t rank = 0; rank < largest.size() && path_exists(folder.correction(rank)); ++rank) {
+        const std::string name =
+            html_escaped(fmt::format("{}, {:.2f} pixels", largest[rank].name, *largest[rank].correction));
+        html += fmt::format("<figure><img src=\"{}\" alt=\"{}\"><figcaption>{}</figcaption></figure>\n",
+                            jpeg_uri(read_image(folder.correction(rank)), max_width), name, name);
+    }
+    return html;
+}
+
 }  // namespace
+
+std::string report_cameras(const Comparison& comparison, const ReportOptions& options) {
+    std::string html;
+    for (const RunResult* run : runs_of(comparison)) html += corrections_html(*run, options.max_width);
+    if (html.empty()) return html;
+    return "<section id=\"cameras\" aria-labelledby=\"h-cameras\">\n<h2 id=\"h-cameras\">Learned cameras</h2>\n"
+           "<p class=\"note\">How far the cameras of the training images moved, as the root mean square over points of "
+           "the scene. Pictures, of the largest corrections: photograph and render, above with the camera of the "
+           "dataset, below with the learned one.</p>\n<div class=\"plots\">\n" +
+           html + "</div>\n</section>\n";
+}
 
 std::string report_pictures(const Comparison& comparison, const ReportOptions& options) {
     Images images(options.max_width);

@@ -4,16 +4,40 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "eval/bench/bench.h"
 #include "eval/runs/evaluate.h"
 #include "eval/runs/saved_run.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
+#include "lib/model/cameras_json.h"
+#include "lib/scene/resized.h"
 
 namespace gs {
 namespace {
 
 constexpr int kComparisonViews = 4;  // enough to judge a scene, and fits on one screen
+
+/// Pixels; wider pictures of corrected views are made smaller.
+constexpr int kCorrectionWidth = 400;
+
+/// Writes pictures of the training views with the largest corrections: the photograph and the render, above with the
+/// dataset's camera, below with the learned one.
+void write_corrections(const RunFolder& folder, Backend& backend, const Scene& scene, const Vec3<float>& background,
+                       const EvalCorrection& correction) {
+    const std::vector<ListedView> corrected = corrected_views(read_cameras_json(folder.cameras()));
+    for (std::size_t rank = 0; rank < std::min(corrected.size(), RunFolder::kCorrections); ++rank) {
+        const auto view = std::find_if(scene.train.begin(), scene.train.end(),
+                                       [&](const View& v) { return v.name == corrected[rank].name; });
+        if (view == scene.train.end() || !view->given) continue;
+        View given = *view;
+        given.camera = *view->given;
+        write_comparison(folder.correction(rank), backend,
+                         {smaller_view(given, kCorrectionWidth), smaller_view(*view, kCorrectionWidth)}, background, 2,
+                         correction);
+    }
+}
 
 }  // namespace
 
@@ -42,7 +66,10 @@ std::optional<TestScores> TrainingEvaluation::operator()(std::int64_t iteration,
     if (last && frame_rounds_ > 0)
         result_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
     write_results(RunFolder{options_.model}, result_);
-    if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval.correction);
+    if (last) {
+        write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval.correction);
+        write_corrections(RunFolder{options_.model}, backend, scene_, background_, eval.correction);
+    }
     const bool corrected = eval.correction.mode != CorrectionMode::kOff;
     log_info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim,
              result_.views.size(),

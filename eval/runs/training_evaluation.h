@@ -25,7 +25,7 @@ class TrainingEvaluation {
     TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress, int frame_rounds);
 
     /// Scores the test views after `iteration` iterations and writes results.json. After the last iteration also writes
-    /// the images and comparison.png. Returns the means.
+    /// the images, comparison.png, and pictures of cameras that were corrected much. Returns the means.
     std::optional<TestScores> operator()(std::int64_t iteration, Backend& backend, bool last);
 
     /// Adds to results.json the values known only after training: those of add_training, how the appearance was chosen,

@@ -45,6 +45,7 @@ ListedView view_of(const nlohmann::json& entry) {
     const int width = side_of(entry.at("width")), height = side_of(entry.at("height"));
     view.camera = camera_of(entry, width, height);
     if (entry.contains("given")) view.refined = std::exchange(view.camera, camera_of(entry["given"], width, height));
+    if (entry.contains("correction")) view.correction = entry["correction"].get<double>();
     for (Camera* camera : {&view.camera, view.refined ? &*view.refined : nullptr})
         if (camera) set_listed_lens(entry, *camera);
     return view;
@@ -99,23 +100,34 @@ std::string cameras_json(const Scene& scene) {
     return json_text(list);
 }
 
-std::string with_refined_cameras(const std::string& cameras, const Scene& scene) {
+std::string with_refined_cameras(const std::string& cameras, const Scene& scene,
+                                 const std::vector<double>& corrections) {
     nlohmann::ordered_json list = nlohmann::ordered_json::parse(cameras);
     std::map<std::string, const View*> refined;
+    std::map<std::string, double> correction;
     for (const auto* views : {&scene.train, &scene.test})
         for (const View& view : *views)
             if (view.given) refined[view.name] = &view;
+    for (std::size_t k = 0; k < corrections.size(); ++k) correction[scene.train[k].name] = corrections[k];
     for (nlohmann::ordered_json& entry : list) {
         const auto found = refined.find(entry.at("img_name").get<std::string>());
         if (found == refined.end()) continue;
         entry.update(pose_json(found->second->camera, scene.frame));
         entry["given"] = pose_json(*found->second->given, scene.frame);
+        if (entry["split"] == "train") entry["correction"] = correction.at(found->first);
     }
     return json_text(list);
 }
 
 void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
     write_text_atomic(path, cameras_json(scene));
+}
+
+std::vector<ListedView> corrected_views(std::vector<ListedView> views) {
+    std::erase_if(views, [](const ListedView& view) { return !view.correction; });
+    std::stable_sort(views.begin(), views.end(),
+                     [](const ListedView& a, const ListedView& b) { return *a.correction > *b.correction; });
+    return views;
 }
 
 std::vector<ListedView> read_cameras_json(const std::filesystem::path& path) {

@@ -122,14 +122,15 @@ void remove_iterations(const RunFolder& folder, std::int64_t after) {
     for (const char* name : {"point_cloud", "checkpoints", "preview"}) remove_if_empty(folder.root / name);
 }
 
-/// Removes the files of write_refined_scene().
+/// Removes the files of write_refined_scene(), and the pictures beside it.
 void remove_refined_scene(const RunFolder& folder) {
     const fs::path refined = folder.refined_scene(), model = refined / "sparse" / "0";
     for (const char* name : {"cameras.txt", "images.txt", "points3D.txt", "test.txt"}) remove_file(model / name);
     remove_file(refined / "transforms.json");
+    for (std::size_t rank = 0; rank < RunFolder::kCorrections; ++rank) remove_file(folder.correction(rank));
     std::error_code error;
     if (fs::is_symlink(refined / "images", error)) fs::remove(refined / "images", error);
-    for (const fs::path& path : {model, refined / "sparse", refined}) remove_if_empty(path);
+    for (const fs::path& path : {model, refined / "sparse", refined / "corrections", refined}) remove_if_empty(path);
 }
 
 /// Removes the temporary files of killed runs from the folders that runs write to.
@@ -300,6 +301,10 @@ fs::path RunFolder::point_cloud(std::int64_t iteration) const {
 
 fs::path RunFolder::checkpoint(std::int64_t iteration) const {
     return root / "checkpoints" / fmt::format("iteration_{}.safetensors", iteration);
+}
+
+fs::path RunFolder::correction(std::size_t rank) const {
+    return refined_scene() / "corrections" / fmt::format("{}.jpg", rank);
 }
 
 fs::path RunFolder::preview(std::int64_t iteration) const {

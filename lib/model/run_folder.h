@@ -53,6 +53,10 @@ struct RunFolder {
     std::filesystem::path ppisp() const { return root / "ppisp.json"; }
     /// The scene with refined cameras: a COLMAP model in sparse/0, transforms.json, and a link to the photographs.
     std::filesystem::path refined_scene() const { return root / "refined"; }
+    /// Returns the picture of a training view whose camera was corrected much: refined/corrections/0.jpg is that of the
+    /// largest correction.
+    std::filesystem::path correction(std::size_t rank) const;
+    static constexpr std::size_t kCorrections = 10;  ///< largest number of these pictures
     std::filesystem::path appearance_choice() const { return root / "auto.json"; }
     std::filesystem::path train_log() const { return root / "stats" / "train.jsonl"; }
     std::filesystem::path point_cloud(std::int64_t iteration) const;

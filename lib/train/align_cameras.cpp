@@ -6,6 +6,8 @@
 #include <limits>
 #include <utility>
 
+#include "kernels/base/error.h"
+#include "lib/core/interrupt.h"
 #include "lib/core/median.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/pose_learner.h"
@@ -14,7 +16,7 @@
 namespace gs {
 namespace {
 
-constexpr double kFirstRate = 0.2;  ///< pixels
+constexpr double kFirstAlignRate = 0.2;  ///< pixels
 constexpr std::size_t kMeans = 5000;
 
 std::vector<Eigen::Vector3d> some_means(Backend& backend) {
@@ -36,6 +38,7 @@ AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3
     const std::vector<Eigen::Vector3d> points = some_means(backend);
     std::vector<double> pixels;
     for (std::size_t k = 0; k < out.views.size(); ++k) {
+        if (interrupted()) throw Interrupted("interrupted while cameras were aligned");
         View& view = out.views[k];
         PoseLearner pose(view.camera, points);
         const auto photograph = image(k);
@@ -54,12 +57,12 @@ AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3
             const auto gradients = backend.take_camera_gradients();  // waits for the step, which the loss follows from
             if (const StepStats stats = backend.take_stats(); stats.loss < best.loss)
                 best = stats, view.camera = camera;
-            const double rate = falling_rate(kFirstRate, double(step) / steps);
+            const double rate = falling_rate(kFirstAlignRate, double(step) / steps);
             for (const ViewCameraGradient& found : gradients)
                 pose.step(camera, pose_gradient(camera, found.gradient), rate, 0, bound);
         }
         out.ssim.push_back(best.ssim);
-        pixels.push_back(pose.pixels(pose.given(), view.camera));
+        pixels.push_back(pose.pixels(pose.start(), view.camera));
     }
     if (!pixels.empty()) out.median_pixels = median(std::move(pixels));
     return out;

@@ -14,14 +14,15 @@ namespace gs {
 /// Views with other poses, and how far these are from the given ones.
 struct AlignedViews {
     std::vector<View> views;
-    std::vector<double> ssim{};  ///< of each view, as the loss of the training has it
+    std::vector<double> ssim{};  ///< of each view, as the loss has it
     double median_pixels = 0;    ///< median over the views of the root mean square over points of the scene
 };
 
-/// Returns the views with the poses at which a model looks most like their photographs, by the loss of the training.
-/// The model and the lenses stay as they are. Looks at `steps` poses of each view, of which the given one is the first;
-/// the way is at most 0.1 pixels times their number. `image` returns the image of view k. Changes the optimizer's
-/// moments on the backend, so that no training may follow. Throws DataError if an image cannot be read.
+/// Returns the views with the poses at which a model looks most like their photographs, by L1 and SSIM with the default
+/// weights. The model and the lenses stay as they are. Tries `steps` poses of each view, beginning with the given one
+/// and following the gradient; none is farther away than about 0.25 pixels times their number, or than
+/// largest_correction(). `image` returns the image of view k. Changes the optimizer's moments on the backend, so that
+/// no training may follow. Throws DataError if an image cannot be read, and Interrupted after Ctrl-C.
 AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3<float>& background, int steps,
                            const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
 

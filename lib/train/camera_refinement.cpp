@@ -134,7 +134,7 @@ void CameraRefinement::collect(Backend& backend) {
     }
 }
 
-/// Returns the pull of a view's camera towards where it began. There, COLMAP's own poses fit its tracks best.
+/// Returns the pull of a view's camera towards its start, where COLMAP's own poses fit its tracks best.
 double CameraRefinement::pull_of(std::size_t view) const {
     return scene_.train[view].observations.size() < kFewestTracks ? kPullWithoutTracks : kPullWithTracks;
 }
@@ -171,8 +171,8 @@ void CameraRefinement::move(double rate) {
         if (root == 0) continue;
         const double of_lens = rate * std::min(1.0, lens.num_views / kViewsOfLens);
         const double most = largest_correction(lens.given);
-        const auto step = [&](double& value, double start, int k, double unit, double pull, double bound) {
-            const double way = value - start - of_lens * direction[k] * unit;
+        const auto step = [&](double& value, double start, int i, double unit, double pull, double bound) {
+            const double way = value - start - of_lens * direction[i] * unit;
             value = start + std::clamp(way * share_after_pull(way / unit, pull, of_lens, root), -bound, bound);
         };
         const double pull = sums[k].pull / sums[k].count, of_point = std::max(pull, kPullOfPrincipalPoint);
@@ -268,7 +268,7 @@ void CameraRefinement::fit_to_tracks(const std::vector<Vector3d>& points) {
 void CameraRefinement::take_back_common_part() {
     std::vector<Vector6d> sums(lenses_.size(), Vector6d::Zero());
     for (std::size_t k = 0; k < views_.size(); ++k)
-        sums[views_[k].lens] += correction_of(views_[k].pose.given(), scene_.train[k].camera);
+        sums[views_[k].lens] += correction_of(views_[k].pose.start(), scene_.train[k].camera);
     for (std::size_t k = 0; k < views_.size(); ++k) {
         const LearnedLens& lens = lenses_[views_[k].lens];
         if (lens.num_views < kViewsOfLens) continue;
@@ -280,7 +280,7 @@ void CameraRefinement::take_back_common_part() {
 /// scene stay.
 void CameraRefinement::take_back_drift() {
     std::vector<Camera> given, now;
-    for (const LearnedView& view : views_) given.push_back(view.pose.given());
+    for (const LearnedView& view : views_) given.push_back(view.pose.start());
     for (const View& view : scene_.train) now.push_back(view.camera);
     const Similarity drift = similarity_of(given, now);
     for (View& view : scene_.train) {

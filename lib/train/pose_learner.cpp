@@ -103,20 +103,20 @@ Vector6d pose_gradient(const Camera& camera, const CameraGradient<double>& gradi
     return out;
 }
 
-PoseLearner::PoseLearner(const Camera& given, const std::vector<Vector3d>& points) : given_(given) {
+PoseLearner::PoseLearner(const Camera& start, const std::vector<Vector3d>& points) : start_(start) {
     // Coordinates along which the points hardly move are not to take long ways.
     constexpr double kLeast = 0.01;
     Matrix6d sum = Matrix6d::Zero();
     double count = 0;
     const auto add = [&](const Vector3d& point) {
-        const auto pixel = pixel_of(given, point);
-        if (!pixel || !is_in_image(given, pixel->at)) return;
+        const auto pixel = pixel_of(start, point);
+        if (!pixel || !is_in_image(start, pixel->at)) return;
         const auto by_pose = pixel->by_pose(point);
         sum += by_pose.transpose() * by_pose;
         ++count;
     };
     for (const Vector3d& point : points) {
-        const Vector3d in_camera = given.rotation * point + given.translation;
+        const Vector3d in_camera = start.rotation * point + start.translation;
         if (in_camera.norm() >= CameraParams<double>{}.near_plane) add(in_camera);
     }
     if (count < 6) {  // a wall of the scene's usual size before the camera
@@ -134,10 +134,10 @@ PoseLearner::PoseLearner(const Camera& given, const std::vector<Vector3d>& point
     to_pixels_ = axes * roots.asDiagonal() * axes.transpose() * scale.asDiagonal();
 }
 
-Vector6d PoseLearner::way_to(const Camera& camera) const { return to_pixels_ * correction_of(given_, camera); }
+Vector6d PoseLearner::way_to(const Camera& camera) const { return to_pixels_ * correction_of(start_, camera); }
 
 Camera PoseLearner::moved(Camera camera, const Vector6d& way) const {
-    camera.rotation = given_.rotation, camera.translation = given_.translation;
+    camera.rotation = start_.rotation, camera.translation = start_.translation;
     return moved_by(camera, from_pixels_ * way);
 }
 

@@ -51,19 +51,19 @@ class PoseLearner {
   public:
     PoseLearner() = default;
     /// `points` are points of the scene, of which the camera sees some.
-    PoseLearner(const Camera& given, const std::vector<Eigen::Vector3d>& points);
+    PoseLearner(const Camera& start, const std::vector<Eigen::Vector3d>& points);
 
     /// Moves the camera against the gradient by turn and shift: by about `rate` pixels along each direction, and not
-    /// farther than `bound` pixels from the given pose. `pull` is the weight in the loss of half the square of the way
-    /// from the given pose, linear beyond a pixel. A gradient that is not finite moves nothing.
+    /// farther than `bound` pixels from where it began. `pull` is the weight in the loss of half the square of the way
+    /// from there, linear beyond a pixel. A gradient that is not finite moves nothing.
     void step(Camera& camera, const Vector6d& gradient, double rate, double pull, double bound);
-    /// Returns the way from the given pose to a camera, pixels along each direction.
+    /// Returns the way from where it began to a camera, pixels along each direction.
     Vector6d way_to(const Camera& camera) const;
     /// Returns the root mean square way of points from one camera to another, pixels, to first order.
     double pixels(const Camera& from, const Camera& to) const { return (to_pixels_ * correction_of(from, to)).norm(); }
-    /// Returns the camera with the given pose and the lens of `camera`, moved by such a way.
+    /// Returns the camera with the pose where it began and the lens of `camera`, moved by such a way.
     Camera moved(Camera camera, const Vector6d& way) const;
-    const Camera& given() const { return given_; }
+    const Camera& start() const { return start_; }
 
     /// First moments of the gradient by coordinate, its second moment, and the number of steps.
     static constexpr int kMoments = 8;
@@ -71,7 +71,7 @@ class PoseLearner {
     const double* moments() const { return moments_; }
 
   private:
-    Camera given_;
+    Camera start_;
     Eigen::Matrix<double, 6, 6> from_pixels_ = Eigen::Matrix<double, 6, 6>::Identity(),
                                 to_pixels_ = Eigen::Matrix<double, 6, 6>::Identity();
     double moments_[kMoments] = {};

@@ -56,9 +56,9 @@ void RunWriter::write_config() const {
     write_text_atomic(folder_.cameras(), cameras_);
 }
 
-void RunWriter::write_refined_cameras() const {
+void RunWriter::write_refined_cameras(const std::vector<double>& corrections) const {
     check_folder();
-    write_text_atomic(folder_.cameras(), with_refined_cameras(cameras_, scene_));
+    write_text_atomic(folder_.cameras(), with_refined_cameras(cameras_, scene_, corrections));
     write_refined_scene(folder_.refined_scene(), scene_);
 }
 

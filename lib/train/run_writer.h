@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "kernels/ranks/backend.h"
 #include "lib/core/train_options.h"
@@ -36,8 +37,9 @@ class RunWriter {
     /// Writes config.yaml, cfg_args and cameras.json, also for a resumed run, whose options may have changed.
     void write_config() const;
 
-    /// Writes the cameras that were learned: to cameras.json, and as a scene of their own.
-    void write_refined_cameras() const;
+    /// Writes the cameras that were learned: to cameras.json, and as a scene of their own. `corrections` says how far
+    /// each training view's moved, in pixels.
+    void write_refined_cameras(const std::vector<double>& corrections) const;
     /// Writes everything that the run needs to continue, including Adam moments, and removes automatic checkpoints of
     /// earlier iterations. Completes the checkpoint by what is the same in the whole run.
     void write_checkpoint(Checkpoint checkpoint) const;

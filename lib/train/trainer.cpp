@@ -332,7 +332,7 @@ class Trainer {
         const CameraCorrections moved = steps_.cameras().corrections();
         log_info("cameras: moved by {:.2f} pixels in the median, {:.2f} at most; focal lengths by up to {:.2g} %",
                  moved.median, moved.largest, 100 * moved.focal);
-        writer_.write_refined_cameras();
+        writer_.write_refined_cameras(moved.pixels);
     }
 
     /// Trains the controllers if the run has any. Returns the number of their iterations.

@@ -36,7 +36,7 @@ struct TrainSummary {
     std::optional<TargetOutcome> target = {};  ///< result of the search, if options.target_psnr is set
     /// The decision of --ppisp auto, with its measured value; empty if nothing was decided
     std::string photometric;
-    std::string refine_cameras{};  ///< the same of --refine-cameras auto
+    std::string refine_cameras{};  ///< the decision of --refine-cameras auto, likewise
     /// False if the run was resumed from a checkpoint without training times. train_seconds and data_wait_seconds then
     /// count from there.
     bool whole_time = true;

@@ -24,15 +24,18 @@ TEST(RefineCommand, TrainsScoresAndTrainsOnItsCameras) {
     const Outcome trained = expect_ok("train -s scene -m run --refine-cameras on" + options);
     EXPECT_NE(trained.err.find("cameras: moved by"), std::string::npos) << trained.err;
     const auto listed = parse_json(program.read("run/cameras.json"));
-    std::size_t refined = 0;
-    for (const auto& entry : listed) refined += entry.contains("given");
+    std::size_t refined = 0, corrected = 0;
+    for (const auto& entry : listed) refined += entry.contains("given"), corrected += entry.contains("correction");
     EXPECT_EQ(refined, 10u) << "test images have the learned lens";
+    EXPECT_EQ(corrected, 8u) << "training images";
+    EXPECT_TRUE(std::filesystem::exists(program.path("run/refined/corrections/7.jpg")));
     for (const auto& entry : listed)
         if (entry["split"] == "test") {
             EXPECT_EQ(entry["position"], entry["given"]["position"]);
         }
 
-    const Outcome scored = expect_ok("eval run --align-test cameras --device cpu");
+    const Outcome scored = expect_ok("eval run --align-test cameras --device cpu --html page.html");
+    EXPECT_NE(program.read("page.html").find("<h2 id=\"h-cameras\">"), std::string::npos);
     EXPECT_NE(scored.err.find("aligned to the model"), std::string::npos) << scored.err;
     const auto results = parse_json(program.read("run/results.json"));
     EXPECT_TRUE(results["aligned_cameras"]["ours_60"]["aligned_psnr"].is_number());

@@ -80,7 +80,6 @@ TEST(CameraTrial, FindsCamerasThatAreOff) {
     const Scene before = off;
     const CameraTrial trial = try_cameras(options_of(6000), off);
     const CameraDecision decision = decide_cameras(trial);
-    std::printf("%s\n", decision.reason.c_str());
     EXPECT_TRUE(decision.learn) << decision.reason;
     EXPECT_EQ(trial.given.ssim.size(), 3u);
     EXPECT_EQ(trial.iterations, 600);
@@ -88,12 +87,14 @@ TEST(CameraTrial, FindsCamerasThatAreOff) {
     for (std::size_t k = 0; k < off.train.size(); ++k)
         EXPECT_EQ(off.train[k].camera.translation, before.train[k].camera.translation) << "the scene stays as it is";
     const CameraDecision of_right = decide_cameras(try_cameras(options_of(6000), right));
-    std::printf("%s\n", of_right.reason.c_str());
     EXPECT_FALSE(of_right.learn) << of_right.reason;
 }
 
 TEST(CameraTrial, NeedsViewsAndIterations) {
     Scene scene = scene_off_by(0);
+    TrainOptions limited = options_of(6000);
+    limited.time_limit = Duration{1e-3};
+    EXPECT_NE(try_cameras(limited, scene).obstacle.find("too short"), std::string::npos);
     EXPECT_NE(try_cameras(options_of(3000), scene).obstacle.find("300 iterations"), std::string::npos);
     scene.train.resize(15);
     EXPECT_NE(try_cameras(options_of(6000), scene).obstacle.find("15 training views"), std::string::npos);

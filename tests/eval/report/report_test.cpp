@@ -49,6 +49,32 @@ class Report : public ::testing::Test {
     std::vector<RunResult> rows_;
 };
 
+TEST_F(Report, ShowsTheCorrectionsOfLearnedCameras) {
+    EXPECT_EQ(report_cameras(compare_runs(rows_), {}), "") << "no run has learned cameras";
+    const RunFolder folder{rows_[0].folder};
+    auto entry = [](const char* name, const char* split) {
+        nlohmann::json pose = {{"position", {0, 0, 0}},
+                               {"fx", 9},
+                               {"fy", 9},
+                               {"cx", 5},
+                               {"cy", 5},
+                               {"rotation", {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};
+        nlohmann::json json = pose;
+        json["img_name"] = name, json["split"] = split, json["width"] = 10, json["height"] = 10, json["given"] = pose;
+        return json;
+    };
+    nlohmann::json list = {entry("test", "test"), entry("near", "train"), entry("<far>", "train")};
+    list[1]["correction"] = 0.25, list[2]["correction"] = 4.5;
+    std::ofstream(folder.cameras()) << list;
+    write_image(folder.correction(0), grey(20, 10, 50));
+    const std::string html = report_cameras(compare_runs(rows_), {});
+    EXPECT_NE(html.find("&lt;far&gt;, 4.50 pixels\"><figcaption>"), std::string::npos) << html;
+    EXPECT_NE(html.find("near: 0.25 pixels"), std::string::npos) << "in the plot";
+    EXPECT_EQ(html.find("near, 0.25 pixels"), std::string::npos) << "has no picture";
+    EXPECT_EQ(html.find("<far>"), std::string::npos);
+    EXPECT_NE(html.find("data:image/jpeg;base64,"), std::string::npos);
+}
+
 TEST_F(Report, TablesEscapeNamesAndMarkTheBest) {
     const std::string html = report_tables(compare_runs(rows_));
     EXPECT_EQ(html.find("<b>"), std::string::npos) << html;
