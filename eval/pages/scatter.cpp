@@ -103,7 +103,8 @@ class Drawing {
         for (const ScatterPoint& p : plot_.points)
             if ((p.ring || !plot_.connect_front) && std::find(order.begin(), order.end(), &p) == order.end())
                 order.push_back(&p);
-        for (const ScatterPoint* p : order) out += label(*p);
+        for (const ScatterPoint* p : order)
+            if (!p->label.empty()) out += label(*p);
         return out + fmt::format("</svg>\n<figcaption>{}</figcaption>\n</figure>\n", html_escaped(plot_.title));
     }
 
