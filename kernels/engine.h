@@ -125,8 +125,8 @@ class StepEngine {
     /// projected splats and their gradient sums. Counts the step in either case. A device decides when it reaches this
     /// point and may still be busy when the function returns. From a step that has to be repeated onwards it skips all
     /// steps until take_back(). `num_gaussians` is the number of Gaussians of all ranks. Writes the engine's part of
-    /// the gradients that all ranks share, shared_row() values, which are meaningless if the step is not taken: first
-    /// of the shared weights, then of each view's camera if StepRequest::gather_camera_gradient is set.
+    /// the gradients that all ranks share, shared_row() values, which are meaningless if the step is not taken: the
+    /// gradients of the shared weights, then those of each view's camera if StepRequest::gather_camera_gradient is set.
     virtual void update_rows(const DeviceArray<ViewReport>& reports, const std::vector<StepRequest>& views,
                              const std::vector<ProjectedView>& projected,
                              const std::vector<DeviceArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -15,7 +14,6 @@
 #include "eval/auto/stage.h"
 #include "kernels/base/clock.h"
 #include "kernels/base/parallel.h"
-#include "lib/scene/image_cache.h"
 #include "lib/train/align_cameras.h"
 #include "lib/train/camera_refinement.h"
 #include "lib/train/trial_training.h"
@@ -62,7 +60,7 @@ CameraTrial try_cameras(const TrainOptions& options, const Scene& scene) {
         return without_result(fmt::format("{} training views are too few to hold some out; {} are needed",
                                           scene.train.size(), 2 * kFewestViews));
     set_num_threads(options.threads);
-    Stage stage = make_stage(options, scene, kStageWidth);
+    Stage stage = make_stage(options, scene);
     stage.options.appearance = options.appearance;
     stage.options.schedule = ScheduleKind::kProgress;  // a short training has all of its parts
     out.iterations = iterations_of(options, kShare);
@@ -77,17 +75,15 @@ CameraTrial try_cameras(const TrainOptions& options, const Scene& scene) {
                                           std::max<std::int64_t>(0, out.iterations), needed));
     stage.options.iterations = out.iterations;
     TrialTraining trial(stage.options, stage.scene);
+    for (View& view : stage.scene.test) view.decoded = view_image(view);
     std::erase_if(stage.scene.test,
                   [&](const View& view) { return load_photographs({view}, trial.background()).empty(); });
     if (stage.scene.test.empty())
         return without_result("masks leave nothing of the views that cameras would be compared on");
-    ImageCache images(stage.scene.test, std::numeric_limits<std::size_t>::max(), 0);
     const auto scores = [&](CameraRefinement* cameras) -> CameraTrial::Scores {
         const TrialResult trained = trial.begin(out.iterations, cameras);
-        const auto image = [&](std::size_t k) { return images.get(k); };
-        const AlignedViews aligned =
-            align_cameras(*trained.backend, stage.scene.test, trial.background(), kAlignSteps, image);
-        return {psnrs(*trained.backend, load_photographs(aligned.views, trial.background(), image), trial.background(),
+        const AlignedViews aligned = align_cameras(*trained.backend, stage.scene.test, trial.background(), kAlignSteps);
+        return {psnrs(*trained.backend, load_photographs(aligned.views, trial.background()), trial.background(),
                       stage.options.ppisp == PpispMode::kOn),
                 aligned.ssim};
     };

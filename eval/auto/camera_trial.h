@@ -12,10 +12,10 @@
 
 namespace gs {
 
-/// What a training with given and one with learned cameras gave on held-out training views, each with its camera
-/// aligned to the model.
+/// Scores of held-out training views after two short trainings, one with the given cameras and one with learned ones.
+/// The camera of each view is aligned to the model before it is scored.
 struct CameraTrial {
-    /// PSNR (dB), with colours aligned if PPISP is on, and SSIM, without, of the held-out views
+    /// By view: PSNR in dB, with colours aligned if PPISP is on, and SSIM, without
     struct Scores {
         std::vector<double> psnr, ssim;
     };

@@ -121,7 +121,7 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     }
     Deadline deadline{seconds_now()};
     set_num_threads(options.threads);
-    Stage stage = make_stage(options, scene, kStageWidth);
+    Stage stage = make_stage(options, scene);
     if (options.time_limit) {
         deadline.limit = kLimitShare * options.time_limit->seconds;
         stage.options.time_limit.reset();

@@ -17,6 +17,10 @@
 namespace gs {
 namespace {
 
+/// Width in pixels to which wider images are reduced: differences between models appear sooner, in a fraction of the
+/// time. (On lego sv, its best model, led sh by 0.22 dB after 2000 and 2000 iterations at 400 pixels, and by 0.07 after
+/// 3000 and 1500 at 800 pixels with three times the Gaussians.)
+constexpr int kStageWidth = 400;
 /// Ratio of a step's time to a frame's time for the first Gaussians, including other measurements and room for growth.
 constexpr double kStepPerFrame = 4.5;
 
@@ -24,13 +28,13 @@ constexpr double kStepPerFrame = 4.5;
 
 std::string plain_model() { return plain_sh_appearance(0).model; }
 
-Stage make_stage(const TrainOptions& options, const Scene& scene, int width) {
+Stage make_stage(const TrainOptions& options, const Scene& scene) {
     Stage stage{scene, options, 1};
     stage.scene.train.clear(), stage.scene.test.clear();
     const auto pixels = [](const View& view) { return double(view.camera.width) * view.camera.height; };
     double small = 0, full = 0;
     for (std::size_t k = 0; k < scene.train.size(); ++k) {
-        View view = smaller_view(scene.train[k], width);
+        View view = smaller_view(scene.train[k], kStageWidth);
         small += pixels(view), full += pixels(scene.train[k]);
         (is_held_out(k) ? stage.scene.test : stage.scene.train).push_back(std::move(view));
     }

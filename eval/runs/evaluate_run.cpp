@@ -60,9 +60,7 @@ class NewPictures {
 /// Scores the views once more, with their cameras aligned to the model.
 void add_aligned_scores(SavedRun& run, EvalOptions options, RunResult& result) {
     constexpr int kSteps = 120;
-    const std::vector<View>& views = run.scene.test;
-    const AlignedViews aligned =
-        align_cameras(*run.backend, views, run.background, kSteps, [&](std::size_t k) { return view_image(views[k]); });
+    const AlignedViews aligned = align_cameras(*run.backend, run.scene.test, run.background, kSteps);
     options.run_folder.clear(), options.metrics.clear(), options.decompose = false;
     const RunResult scores = evaluate_views(*run.backend, aligned.views, run.background, options);
     result.aligned_psnr = scores.psnr, result.aligned_ssim = scores.ssim;

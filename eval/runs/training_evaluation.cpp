@@ -31,11 +31,10 @@ void write_corrections(const RunFolder& folder, Backend& backend, const Scene& s
         const auto view = std::find_if(scene.train.begin(), scene.train.end(),
                                        [&](const View& v) { return v.name == corrected[rank].name; });
         if (view == scene.train.end() || !view->given) continue;
-        View given = *view;
-        given.camera = *view->given;
-        write_comparison(folder.correction(rank), backend,
-                         {smaller_view(given, kCorrectionWidth), smaller_view(*view, kCorrectionWidth)}, background, 2,
-                         correction);
+        const View learned = smaller_view(*view, kCorrectionWidth);
+        View given = learned;
+        given.camera = *learned.given;
+        write_comparison(folder.correction(rank), backend, {given, learned}, background, 2, correction);
     }
 }
 

@@ -71,6 +71,7 @@ View smaller_view(View view, int width) {
     if (view.lens_weights)
         view.lens_weights = std::make_shared<const Image>(resize_image(*view.lens_weights, width, height));
     view.camera = resized(full, width, height);
+    if (view.given) view.given = std::make_shared<const Camera>(resized(*view.given, width, height));
     view.image_bytes = std::size_t(double(view.image_bytes) * width / full.width * height / full.height);
     return view;
 }

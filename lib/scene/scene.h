@@ -58,7 +58,7 @@ struct PointObservation {
 struct View {
     std::string name;  ///< image name relative to the image folder, e.g. "left/0001.jpg"
     Camera camera;
-    std::shared_ptr<const Camera> given;  ///< camera of the dataset, if `camera` was learned from it; else null
+    std::shared_ptr<const Camera> given;  ///< camera of the dataset, if `camera` is learned; else null
     std::function<ViewImage()> load;
     /// The result of `load` if verify_images kept it; else null.
     std::shared_ptr<const ViewImage> decoded;

@@ -32,16 +32,14 @@ std::vector<Eigen::Vector3d> some_means(Backend& backend) {
 
 }  // namespace
 
-AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3<float>& background, int steps,
-                           const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
+AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3<float>& background, int steps) {
     AlignedViews out{.views = std::move(views)};
     const std::vector<Eigen::Vector3d> points = some_means(backend);
     std::vector<double> pixels;
-    for (std::size_t k = 0; k < out.views.size(); ++k) {
+    for (View& view : out.views) {
         if (interrupted()) throw Interrupted("interrupted while cameras were aligned");
-        View& view = out.views[k];
         PoseLearner pose(view.camera, points);
-        const auto photograph = image(k);
+        const auto image = view_image(view);
         const double bound = largest_correction(view.camera);
         Camera camera = view.camera;
         StepStats best{.loss = std::numeric_limits<double>::infinity()};
@@ -49,7 +47,7 @@ AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3
             StepRequest request;
             request.camera = camera_params(camera);
             request.background = background;
-            request.target = target_image(*photograph);
+            request.target = target_image(*image);
             request.isp.mode = IspMode::kFrame;
             request.isp.camera = std::max(0, view.camera_id);
             request.gather_camera_gradient = true;

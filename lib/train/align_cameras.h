@@ -2,8 +2,6 @@
 // Fits the poses of views to a finished model.
 #pragma once
 
-#include <functional>
-#include <memory>
 #include <vector>
 
 #include "kernels/ranks/backend.h"
@@ -21,9 +19,8 @@ struct AlignedViews {
 /// Returns the views with the poses at which a model looks most like their photographs, by L1 and SSIM with the default
 /// weights. The model and the lenses stay as they are. Tries `steps` poses of each view, beginning with the given one
 /// and following the gradient; none is farther away than about 0.25 pixels times their number, or than
-/// largest_correction(). `image` returns the image of view k. Changes the optimizer's moments on the backend, so that
-/// no training may follow. Throws DataError if an image cannot be read, and Interrupted after Ctrl-C.
-AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3<float>& background, int steps,
-                           const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
+/// largest_correction(). Changes the optimizer's moments on the backend, so that no training may follow. Throws
+/// DataError if an image cannot be read, and Interrupted after Ctrl-C.
+AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3<float>& background, int steps);
 
 }  // namespace gs

@@ -17,7 +17,6 @@ void Journal::open() {
 void Journal::resume(std::int64_t iteration, bool at_end) {
     check_folder();
     log_.emplace(folder_.train_log(), iteration, at_end);
-    reasons_ = log_->reasons();
     if (tensorboard_) tensorboard_->resume(iteration);
 }
 
@@ -25,7 +24,6 @@ void Journal::write(nlohmann::json line) {
     check_folder();  // otherwise the lines would go to a file that is no longer in any folder
     if (lines_are_final_) line["final"] = true;
     log_->write(line);
-    if (line.contains("reason")) reasons_[line.at("event")] = line.at("reason");
     if (tensorboard_) tensorboard_->add_line(line);
 }
 

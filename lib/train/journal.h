@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -63,12 +62,8 @@ class Journal {
     void write_evaluation(const TestScores& scores, std::int64_t iteration);
     void write_target(const MeasuredModel& measured);
 
-    /// Returns the "reason" of the last event of a kind, which is a decision with its measured value, also from before
-    /// a resume; empty if there is none.
-    std::string reason(const std::string& event) const {
-        const auto found = reasons_.find(event);
-        return found == reasons_.end() ? std::string() : found->second;
-    }
+    /// Returns TrainLog::reason of an event, also from before a resume.
+    std::string reason(const std::string& event) const { return log_->reason(event); }
 
   private:
     void check_folder() const {
@@ -81,7 +76,6 @@ class Journal {
     std::optional<TrainLog> log_;
     bool lines_are_final_ = false;
     double earlier_wait_ = 0;  ///< StepLine::data_wait_seconds of the previous line
-    std::map<std::string, std::string> reasons_;
 };
 
 }  // namespace gs

@@ -84,8 +84,8 @@ double largest_correction(const LensCamera& camera);
 double falling_rate(double first, double share);
 
 /// A step of Adam whose second moment is common to all coordinates, so that it does not depend on the choice of the
-/// axes. moments: `size` first moments, the second moment, the number of steps. Sets the direction, of about the length
-/// of a coordinate for each of them, and returns the root of the second moment; 0 if no gradient was ever other than 0.
+/// axes. moments: `size` first moments, the second moment, the number of steps. Sets the direction, whose
+/// coordinates are about 1 long, and returns the root of the second moment, which is 0 while all gradients are 0.
 double adam_direction(double* moments, int size, const double* gradient, double* direction);
 
 /// Returns the share of a way from its start that is left when a pull towards the start, with this weight in the loss,

@@ -49,9 +49,7 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration, bo
             if (!numbered || json["iteration"] > iteration) continue;
             if (at_end && json["iteration"] == iteration && json.contains("final")) continue;
             kept += line + "\n";
-            if (json.contains("reason") && json["reason"].is_string() && json.contains("event") &&
-                json["event"].is_string())
-                reasons_[json["event"]] = json["reason"];
+            keep_reason(json);
         }
     }
     write_text_atomic(path, kept);
@@ -77,7 +75,14 @@ int TrainLog::flush() {
     return 0;
 }
 
+void TrainLog::keep_reason(const nlohmann::json& line) {
+    const auto event = line.find("event"), reason = line.find("reason");
+    if (event != line.end() && event->is_string() && reason != line.end() && reason->is_string())
+        reasons_[*event] = *reason;
+}
+
 void TrainLog::write(const nlohmann::json& line) {
+    keep_reason(line);
     waiting_ += json_text(line) + "\n";
     const int error = flush();  // at once, because other programs read the file during the run
     if (error == 0 || std::exchange(warned_, true)) return;

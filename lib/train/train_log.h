@@ -28,13 +28,18 @@ class TrainLog {
     /// line; a warning is logged once.
     void write(const nlohmann::json& line);
 
-    /// Returns the "reason" of each event among the kept lines that has one, the last of each kind.
-    const std::map<std::string, std::string>& reasons() const { return reasons_; }
+    /// Returns the "reason" of the last event of a kind, which is a decision with its measured value; empty if there is
+    /// none.
+    std::string reason(const std::string& event) const {
+        const auto found = reasons_.find(event);
+        return found == reasons_.end() ? std::string() : found->second;
+    }
     /// Writes the pending lines to the disk (fsync). Throws DataError if a line still cannot be written.
     void close();
 
   private:
     int flush();
+    void keep_reason(const nlohmann::json& line);
 
     std::filesystem::path path_;
     int fd_ = -1;

@@ -32,8 +32,8 @@ class TrialTraining {
     /// outlive the object.
     TrialTraining(const TrainOptions& options, const Scene& scene);
 
-    /// Trains the first `iterations` iterations of a run with the options' appearance. `cameras`, if given, are those
-    /// of the scene, and learn.
+    /// Trains the first `iterations` iterations of a run with the options' appearance. Also learns `cameras` if
+    /// they are given; they must be those of the scene.
     TrialResult begin(std::int64_t iterations, CameraRefinement* cameras = nullptr);
 
     /// Continues from `state` with another appearance, whose residual begins at zero with all degrees active. No
