@@ -23,10 +23,12 @@ namespace {
 
 /// Share of options.iterations for each of the two trainings.
 constexpr double kShare = 1.0 / 10;
-/// Steps of each held-out view's camera towards a model.
-constexpr int kAlignSteps = 60;
 /// Fewest iterations for each training image in which its camera can learn.
 constexpr double kFewestRounds = 10;
+
+/// Returns the number of steps of each held-out view's camera towards a model. Few views get more, because one that
+/// does not arrive counts for much.
+int align_steps(std::size_t num_views) { return int(std::clamp<std::size_t>(1920 / num_views, 60, 120)); }
 
 double mean(const std::vector<double>& values) {
     return std::accumulate(values.begin(), values.end(), 0.0) / double(values.size());
@@ -65,7 +67,8 @@ CameraTrial try_cameras(const TrainOptions& options, const Scene& scene) {
     stage.options.schedule = ScheduleKind::kProgress;  // a short training has all of its parts
     out.iterations = iterations_of(options, kShare);
     if (options.time_limit) {
-        const std::int64_t aligning = kAlignSteps * std::int64_t(stage.scene.test.size());
+        const auto num_views = stage.scene.test.size();
+        const std::int64_t aligning = align_steps(num_views) * std::int64_t(num_views);
         out.iterations = affordable_iterations(stage, kLimitShare * options.time_limit->seconds, 2) - aligning;
         stage.options.time_limit.reset();
     }
@@ -80,9 +83,10 @@ CameraTrial try_cameras(const TrainOptions& options, const Scene& scene) {
                   [&](const View& view) { return load_photographs({view}, trial.background()).empty(); });
     if (stage.scene.test.empty())
         return without_result("masks leave nothing of the views that cameras would be compared on");
+    const int steps = align_steps(stage.scene.test.size());
     const auto scores = [&](CameraRefinement* cameras) -> CameraTrial::Scores {
         const TrialResult trained = trial.begin(out.iterations, cameras);
-        const AlignedViews aligned = align_cameras(*trained.backend, stage.scene.test, trial.background(), kAlignSteps);
+        const AlignedViews aligned = align_cameras(*trained.backend, stage.scene.test, trial.background(), steps);
         return {psnrs(*trained.backend, load_photographs(aligned.views, trial.background()), trial.background(),
                       stage.options.ppisp == PpispMode::kOn),
                 aligned.ssim};

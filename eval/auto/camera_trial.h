@@ -36,7 +36,7 @@ struct CameraDecision {
 };
 
 /// The smallest CameraDecision::gain for which cameras are learned.
-inline constexpr double kLeastCameraGain = 0.03;
+inline constexpr double kLeastCameraGain = 0.04;
 
 /// Measures whether learned cameras are better. Holds out every 8th training view, makes images at most 400 pixels wide
 /// and options.cap_max smaller in proportion, and trains twice for a tenth of options.iterations: with the given and

@@ -217,6 +217,12 @@ template <class T> GS_HD Vec3<T> face_direction(T u, T v, int face) {
     return on_face(Vec3<T>{u * sign, v * sign, sign}, face);
 }
 
+/// Returns the derivative of face_direction() by u (0) or v (1).
+template <class T> GS_HD Vec3<T> axis_on_face(int axis, int face) {
+    const T sign(sign_of(face));
+    return on_face(axis == 0 ? Vec3<T>{sign, T(0), T(0)} : Vec3<T>{T(0), sign, T(0)}, face);
+}
+
 /// The ray of a pixel in the axes of a face, in units in which the middle of the face is one focal length away.
 template <class P> struct FaceRay {
     P x, y, w;  ///< pixels, and along the axis through the middle
@@ -249,6 +255,36 @@ template <class T> GS_NOINLINE LensPoint<T> lens_point_at(Lens<T> lens, Vec3<T> 
     const Vec2<J> at = lens_point(lens, Vec3<J>{J::linear(direction.x, e1.x, e2.x), J::linear(direction.y, e1.y, e2.y),
                                                 J::linear(direction.z, e1.z, e2.z)});
     return {at.x, at.y};
+}
+
+/// Returns a lens with another first coefficient, and the same range.
+template <class T> GS_HD Lens<T> with_first_coefficient(Lens<T> lens, T value) {
+    lens.distortion[0] = value;
+    if (lens.model == CameraModel::kFov) {
+        T s, c;
+        gs_sincos(T(0.5) * value, s, c);
+        lens.distortion[1] = T(2) * s / c;
+    }
+    return lens;
+}
+
+/// Returns the derivative of lens_point_at() by the first coefficient of distortion, without second derivatives. It is
+/// 0 for models without distortion.
+template <class T>
+GS_NOINLINE LensPoint<T> lens_point_by_coefficient(Lens<T> lens, Vec3<T> direction, Vec3<T> e1, Vec3<T> e2) {
+    // A difference is exact for the models that are linear in the coefficient, and close for the others.
+    const T step(0.01);
+    const auto at = [&](T coefficient) {
+        using J = Jet<T>;
+        return lens_point(with_first_coefficient(lens, coefficient),
+                          Vec3<J>{J::linear(direction.x, e1.x, e2.x), J::linear(direction.y, e1.y, e2.y),
+                                  J::linear(direction.z, e1.z, e2.z)});
+    };
+    const Vec2<Jet<T>> more = at(lens.distortion[0] + step), less = at(lens.distortion[0] - step);
+    const auto slope = [inverse = T(0.5) / step](const Jet<T>& a, const Jet<T>& b) {
+        return Jet<T>{(a.value - b.value) * inverse, (a.x - b.x) * inverse, (a.y - b.y) * inverse, T(0), T(0), T(0)};
+    };
+    return {slope(more.x, less.x), slope(more.y, less.y)};
 }
 
 /// Returns the unit direction whose image point is (x, y), in normalised image coordinates, by Newton's method on the

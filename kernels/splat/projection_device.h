@@ -156,9 +156,7 @@ template <class T> struct FaceJacobian {
 template <class T> GS_HD void place_on_face(const CameraParams<T>& cam, int face, T u, T v, Projection<T>& p) {
     p.face = face, p.u = u, p.v = v;
     p.inclination = cam.lens.as_pinholes ? T(1) : T(1) / gs_sqrt(T(1) + u * u + v * v);
-    const T sign(sign_of(face));
-    p.at = lens_point_at(cam.lens, face_direction(u, v, face), on_face(Vec3<T>{sign, T(0), T(0)}, face),
-                         on_face(Vec3<T>{T(0), sign, T(0)}, face));
+    p.at = lens_point_at(cam.lens, face_direction(u, v, face), axis_on_face<T>(0, face), axis_on_face<T>(1, face));
 }
 
 /// Computes steps 4 to 8 for the mean in p.cam in the axes of its face. The dilation is round on screen.
@@ -476,10 +474,19 @@ GS_HD CameraGradient<T> camera_backward(const CameraParams<T>& cam, const Projec
     const T n12 = dot(p.a1, g2), n21 = dot(p.a2, g1);
     const FaceJacobian<T> g(cam, p.at);
     const T inverse = T(1) / g.det();
-    const T on_x = ((g.xx * n11 + g.xy * n21) * g.yy - (g.xx * n12 + g.xy * n22) * g.yx) * inverse,
-            on_y = ((g.yx * n12 + g.yy * n22) * g.xx - (g.yx * n11 + g.yy * n21) * g.xy) * inverse;
-    out.fx = on_screen.x * p.at.x.value + on_x / cam.fx;
-    out.fy = on_screen.y * p.at.y.value + on_y / cam.fy;
+    const auto by_row_x = [&](T xx, T xy) {
+        return ((xx * n11 + xy * n21) * g.yy - (xx * n12 + xy * n22) * g.yx) * inverse;
+    };
+    const auto by_row_y = [&](T yx, T yy) {
+        return ((yx * n12 + yy * n22) * g.xx - (yx * n11 + yy * n21) * g.xy) * inverse;
+    };
+    out.fx = on_screen.x * p.at.x.value + by_row_x(g.xx, g.xy) / cam.fx;
+    out.fy = on_screen.y * p.at.y.value + by_row_y(g.yx, g.yy) / cam.fy;
+    const LensPoint<T> by = lens_point_by_coefficient(cam.lens, face_direction(p.u, p.v, p.face),
+                                                      axis_on_face<T>(0, p.face), axis_on_face<T>(1, p.face));
+    const FaceJacobian<T> h(cam, by);
+    out.distortion = on_screen.x * cam.fx * by.x.value + on_screen.y * cam.fy * by.y.value + by_row_x(h.xx, h.xy) +
+                     by_row_y(h.yx, h.yy);
     return out;
 }
 

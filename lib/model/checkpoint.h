@@ -22,7 +22,7 @@ struct TrainingTime {
 
 /// The state of cameras that are learned (lib/train/camera_refinement.h).
 struct CameraState {
-    static constexpr std::size_t kViewValues = 31, kLensValues = 8;
+    static constexpr std::size_t kViewValues = 32, kLensValues = 10;
     std::vector<std::vector<double>> views, lenses;  ///< kViewValues for each view, kLensValues for each lens
     std::int64_t gathered = 0;                       ///< number of gradients since the cameras' last step
 };

@@ -35,6 +35,7 @@ LensCamera refined_lens(const View& view) {
     const double across = double(lens.width) / given.width, down = double(lens.height) / given.height;
     lens.fx *= now.fx / given.fx, lens.fy *= now.fy / given.fy;
     lens.cx += across * (now.cx - given.cx), lens.cy += down * (now.cy - given.cy);
+    lens.distortion[0] += now.distortion[0] - given.distortion[0];
     return lens;
 }
 

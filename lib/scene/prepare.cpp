@@ -326,10 +326,13 @@ PrepareReport prepare_scene(const PrepareOptions& options, const PrepareProgress
 
 std::vector<std::string> describe(const PrepareReport& report) {
     constexpr std::size_t kShown = 10;
+    constexpr double kExactPixels = 1;  // of scenes whose given poses are as good as learned ones: 0.5 and 0.7
     const char* what = report.is_video ? "frames" : "photographs";
     std::vector<std::string> lines = {fmt::format("{} of {} {} registered, {} points", report.registered,
                                                   report.photographs, what, grouped(report.points))};
     if (report.error) lines[0] += fmt::format(", mean reprojection error {:.2g} px", *report.error);
+    if (report.error && *report.error > kExactPixels)
+        lines.push_back("cameras may be off: gsapp train --refine-cameras auto finds out whether learning them helps");
     if (const auto& names = report.left_out; !names.empty()) {
         const std::vector<std::string> shown(names.begin(),
                                              names.begin() + std::ptrdiff_t(std::min(names.size(), kShown)));

@@ -16,7 +16,8 @@
 namespace gs {
 namespace {
 
-constexpr double kFirstAlignRate = 0.2;  ///< pixels
+/// How far a camera can go along each direction, pixels. The rate follows from it and from the number of steps.
+constexpr double kAlignTravel = 12;
 constexpr std::size_t kMeans = 5000;
 
 std::vector<Eigen::Vector3d> some_means(Backend& backend) {
@@ -55,7 +56,7 @@ AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3
             const auto gradients = backend.take_camera_gradients();  // waits for the step, which the loss follows from
             if (const StepStats stats = backend.take_stats(); stats.loss < best.loss)
                 best = stats, view.camera = camera;
-            const double rate = falling_rate(kFirstAlignRate, double(step) / steps);
+            const double rate = falling_rate(2 * kAlignTravel / steps, double(step) / steps);
             for (const ViewCameraGradient& found : gradients)
                 pose.step(camera, pose_gradient(camera, found.gradient), rate, 0, bound);
         }

@@ -18,7 +18,7 @@ struct AlignedViews {
 
 /// Returns the views with the poses at which a model looks most like their photographs, by L1 and SSIM with the default
 /// weights. The model and the lenses stay as they are. Tries `steps` poses of each view, beginning with the given one
-/// and following the gradient; none is farther away than about 0.25 pixels times their number, or than
+/// and following the gradient; none is farther away than about 12 pixels along each direction, or than
 /// largest_correction(). Changes the optimizer's moments on the backend, so that no training may follow. Throws
 /// DataError if an image cannot be read, and Interrupted after Ctrl-C.
 AlignedViews align_cameras(Backend& backend, std::vector<View> views, const Vec3<float>& background, int steps);

@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
@@ -29,9 +30,9 @@ constexpr double kTravel = 6, kLargestRate = 0.25;
 constexpr double kPullWithTracks = 0.1, kPullWithoutTracks = 2e-3;
 /// The fewest tracks of an image that hold its camera.
 constexpr std::size_t kFewestTracks = 20;
-/// The least pull of focal length and principal point. Another focal length is nearly the same as other distances of
-/// the cameras, and another principal point as a turn of all of them, which the poses can learn.
-constexpr double kPullOfFocal = 0.01, kPullOfPrincipalPoint = 0.02;
+/// The pull of each part of a lens without tracks. Another principal point is nearly the same as a turn of all cameras,
+/// which the poses can learn.
+constexpr double kPullOfLens[] = {3e-4, 0.02, 0.02, 2e-3};
 /// Points of the scene from which the coordinates of poses follow.
 constexpr std::int64_t kPoints = 5000;
 /// How far the logarithm of a focal length may go.
@@ -45,6 +46,23 @@ std::vector<Vector3d> some_points(const TrainOptions& options, const Scene& scen
     std::vector<Vector3d> points;
     for (const Eigen::Vector3f& point : initial_points(scene, init).positions) points.push_back(point.cast<double>());
     return points;
+}
+
+/// Returns the changes of a lens (CameraRefinement::LearnedLens) that move pixels by one in the root mean square. 0 for
+/// what a model does not have.
+Eigen::Vector4d changes_of_a_pixel(const Camera& camera) {
+    if (camera.model == CameraModel::kEquirectangular) return Eigen::Vector4d::Zero();
+    Eigen::Vector4d out(1 / (0.3 * std::hypot(camera.width, camera.height)), 1, 1, 0);
+    constexpr int kPlaces = 9;
+    double squares = 0, count = 0;
+    for (int k = 0; k < kPlaces * kPlaces && !is_pinhole(camera); ++k) {
+        const auto ray = unproject(
+            camera, {camera.width * (k % kPlaces + 0.5) / kPlaces, camera.height * (k / kPlaces + 0.5) / kPlaces});
+        const auto at = ray ? pixel_of(camera, *ray) : std::nullopt;
+        if (at) squares += at->by_coefficient.squaredNorm(), ++count;
+    }
+    if (squares > 0) out[3] = std::sqrt(count / squares);
+    return out;
 }
 
 }  // namespace
@@ -75,9 +93,22 @@ Similarity similarity_of(const std::vector<Camera>& given, const std::vector<Cam
 
 LensCamera CameraRefinement::LearnedLens::learned() const {
     LensCamera lens = given;
-    lens.fx *= std::exp(now.log_focal), lens.fy *= std::exp(now.log_focal);
-    lens.cx += now.cx, lens.cy += now.cy;
+    lens.fx *= std::exp(now[0]), lens.fy *= std::exp(now[0]);
+    lens.cx += now[1], lens.cy += now[2];
+    lens.distortion[0] += now[3];
     return lens;
+}
+
+void CameraRefinement::LearnedLens::update_range() {
+    constexpr double kStep = 0.25;
+    if (pixel[3] == 0) return;
+    // Steps of the same places each time, so that a resumed training finds the same range.
+    const double step = kStep * std::round(now[3] / (kStep * pixel[3]));
+    if (step == ranged) return;
+    LensCamera lens = given;
+    lens.distortion[0] += step * pixel[3];
+    range = lens_range(lens);
+    ranged = step;
 }
 
 CameraRefinement::CameraRefinement(const TrainOptions& options, Scene& scene) : scene_(scene) {
@@ -93,7 +124,8 @@ CameraRefinement::CameraRefinement(const TrainOptions& options, Scene& scene) : 
             return lens.given == static_cast<const LensCamera&>(camera);
         });
         views_[k].lens = std::size_t(same - lenses_.begin());
-        if (same == lenses_.end()) lenses_.push_back({.given = camera});
+        if (same == lenses_.end())
+            lenses_.push_back({.given = camera, .range = camera.range, .pixel = changes_of_a_pixel(camera)});
         ++lenses_[views_[k].lens].num_views;
     }
     interval_ = std::clamp<std::int64_t>(std::int64_t(views_.size()), 10, 100);
@@ -128,21 +160,22 @@ void CameraRefinement::collect(Backend& backend) {
         // A pixel of a reduced image is several of the camera's.
         const double pixel = 1.0 / found.id.factor;
         double numbers[CameraGradient<double>::kSize];
-        gradient.for_each([&](int k, double number) { numbers[k] = k < 6 ? number : number * pixel; });
+        gradient.for_each([&](int k, double number) { numbers[k] = k < 6 || k > 9 ? number : number * pixel; });
         view.sum.for_each([&](int k, double& sum) { sum += numbers[k]; });
         ++view.count;
     }
 }
 
-/// Returns the pull of a view's camera towards its start, where COLMAP's own poses fit its tracks best.
-double CameraRefinement::pull_of(std::size_t view) const {
-    return scene_.train[view].observations.size() < kFewestTracks ? kPullWithoutTracks : kPullWithTracks;
+/// Returns whether a view's tracks tell where its camera is: COLMAP's own poses fit them best.
+bool CameraRefinement::has_tracks(std::size_t view) const {
+    return scene_.train[view].observations.size() >= kFewestTracks;
 }
 
 /// Takes a step of all cameras that have gradients.
 void CameraRefinement::move(double rate) {
     struct LensSum {
-        double gradient[3] = {}, pull = 0, count = 0;
+        Eigen::Vector4d gradient = Eigen::Vector4d::Zero();
+        double tracked = 0, count = 0;
     };
     std::vector<LensSum> sums(lenses_.size());
     for (std::size_t k = 0; k < views_.size(); ++k) {
@@ -152,34 +185,32 @@ void CameraRefinement::move(double rate) {
         const double mean = 1 / view.count;
         const CameraGradient<double>& sum = view.sum;
         LensSum& lens = sums[view.lens];
-        lens.gradient[0] += mean * (sum.fx * camera.fx + sum.fy * camera.fy);
-        lens.gradient[1] += mean * sum.cx;
-        lens.gradient[2] += mean * sum.cy;
-        lens.pull += pull_of(k);
+        lens.gradient +=
+            mean * Eigen::Vector4d(sum.fx * camera.fx + sum.fy * camera.fy, sum.cx, sum.cy, sum.distortion);
+        lens.tracked += has_tracks(k);
         ++lens.count;
-        view.pose.step(camera, mean * pose_gradient(camera, view.sum), rate, pull_of(k), largest_correction(camera));
+        const double pull = has_tracks(k) ? kPullWithTracks : kPullWithoutTracks;
+        view.pose.step(camera, mean * pose_gradient(camera, view.sum), rate, pull, largest_correction(camera));
         view.sum = {}, view.count = 0;
     }
     for (std::size_t k = 0; k < lenses_.size(); ++k) {
         LearnedLens& lens = lenses_[k];
-        if (sums[k].count == 0 || lens.given.model == CameraModel::kEquirectangular) continue;
-        double gradient[3], direction[3];
-        for (int i = 0; i < 3; ++i) gradient[i] = sums[k].gradient[i] / sums[k].count;
-        gradient[0] /= lens.radius();
-        if (!std::isfinite(gradient[0] + gradient[1] + gradient[2])) continue;
-        const double root = adam_direction(lens.moments, 3, gradient, direction);
+        if (sums[k].count == 0 || lens.pixel[0] == 0) continue;
+        const Eigen::Vector4d gradient = sums[k].gradient.cwiseProduct(lens.pixel) / sums[k].count;
+        if (!gradient.allFinite()) continue;
+        const int size = lens.pixel[3] == 0 ? 3 : 4;
+        Eigen::Vector4d direction;
+        const double root = adam_direction(lens.moments, size, gradient.data(), direction.data());
         if (root == 0) continue;
         const double of_lens = rate * std::min(1.0, lens.num_views / kViewsOfLens);
-        const double most = largest_correction(lens.given);
-        const auto step = [&](double& value, double start, int i, double unit, double pull, double bound) {
-            const double way = value - start - of_lens * direction[i] * unit;
-            value = start + std::clamp(way * share_after_pull(way / unit, pull, of_lens, root), -bound, bound);
-        };
-        const double pull = sums[k].pull / sums[k].count, of_point = std::max(pull, kPullOfPrincipalPoint);
-        step(lens.now.log_focal, lens.start.log_focal, 0, 1 / lens.radius(), std::max(pull, kPullOfFocal),
-             kMostLogFocal);
-        step(lens.now.cx, lens.start.cx, 1, 1, of_point, most);
-        step(lens.now.cy, lens.start.cy, 2, 1, of_point, most);
+        const double tracked = sums[k].tracked / sums[k].count, most = largest_correction(lens.given);
+        for (int i = 0; i < size; ++i) {
+            const double way = (lens.now[i] - lens.start[i]) / lens.pixel[i] - of_lens * direction[i];
+            const double left =
+                way * share_after_pull(way, std::max(tracked * kPullWithTracks, kPullOfLens[i]), of_lens, root);
+            const double bound = i == 0 ? kMostLogFocal / lens.pixel[0] : most;
+            lens.now[i] = lens.start[i] + lens.pixel[i] * std::clamp(left, -bound, bound);
+        }
     }
     set_lenses();
     take_back_common_part();
@@ -188,14 +219,18 @@ void CameraRefinement::move(double rate) {
 
 /// Gives the cameras of the scene the learned lenses, those of test images with the same lens, too.
 void CameraRefinement::set_lenses() {
-    for (std::size_t k = 0; k < views_.size(); ++k)
-        static_cast<LensCamera&>(scene_.train[k].camera) = lenses_[views_[k].lens].learned();
+    const auto set = [](Camera& camera, const LearnedLens& lens) {
+        static_cast<LensCamera&>(camera) = lens.learned();
+        camera.range = lens.range;
+    };
+    for (LearnedLens& lens : lenses_) lens.update_range();
+    for (std::size_t k = 0; k < views_.size(); ++k) set(scene_.train[k].camera, lenses_[views_[k].lens]);
     for (View& view : scene_.test) {
         const LensCamera given = view.given ? *view.given : view.camera;
         for (const LearnedLens& lens : lenses_) {
             if (lens.given != given) continue;
             if (!view.given) view.given = std::make_shared<const Camera>(view.camera);
-            static_cast<LensCamera&>(view.camera) = lens.learned();
+            set(view.camera, lens);
         }
     }
 }
@@ -217,7 +252,7 @@ double CameraRefinement::error_of_tracks(std::size_t lens) const {
 void CameraRefinement::fit_to_tracks(const std::vector<Vector3d>& points) {
     constexpr int kRounds = 10;
     constexpr double kDamping = 1e-4, kClearly = 0.9;
-    using Matrix63 = Eigen::Matrix<double, 6, 3>;
+    using Matrix64 = Eigen::Matrix<double, 6, 4>;
     for (std::size_t l = 0; l < lenses_.size(); ++l) {
         const double before = error_of_tracks(l);
         if (before == 0) continue;
@@ -226,24 +261,27 @@ void CameraRefinement::fit_to_tracks(const std::vector<Vector3d>& points) {
         for (const View& view : scene_.train) cameras_before.push_back(view.camera);
         for (int round = 0; round < kRounds; ++round) {
             // The poses are eliminated from the normal equations.
-            Matrix3d of_lens = Matrix3d::Zero();
-            Vector3d toward_lens = Vector3d::Zero();
-            std::vector<std::pair<Vector6d, Matrix63>> of_poses(views_.size(), {Vector6d::Zero(), Matrix63::Zero()});
+            Eigen::Matrix4d of_lens = Eigen::Matrix4d::Zero();
+            Eigen::Vector4d toward_lens = Eigen::Vector4d::Zero();
+            std::vector<std::pair<Vector6d, Matrix64>> of_poses(views_.size(), {Vector6d::Zero(), Matrix64::Zero()});
             for (std::size_t k = 0; k < views_.size(); ++k) {
                 const auto& observations = scene_.train[k].observations;
-                if (views_[k].lens != l || observations.size() < kFewestTracks) continue;
+                if (views_[k].lens != l || !has_tracks(k)) continue;
                 TrackError error = track_error(scene_.train[k].camera, observations);
                 error.hessian.diagonal() *= 1 + kDamping;
                 const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> pose(error.hessian.topLeftCorner<6, 6>());
-                const Matrix63 mixed = error.hessian.topRightCorner<6, 3>();
+                const Matrix64 mixed = error.hessian.topRightCorner<6, 4>();
                 of_poses[k] = {pose.solve(error.gradient.head<6>()), pose.solve(mixed)};
-                of_lens += error.hessian.bottomRightCorner<3, 3>() - mixed.transpose() * of_poses[k].second;
-                toward_lens += error.gradient.tail<3>() - mixed.transpose() * of_poses[k].first;
+                of_lens += error.hessian.bottomRightCorner<4, 4>() - mixed.transpose() * of_poses[k].second;
+                toward_lens += error.gradient.tail<4>() - mixed.transpose() * of_poses[k].first;
             }
-            const Vector3d by_lens = -of_lens.ldlt().solve(toward_lens);
+            // In pixels, so that what is not learned is a row and a column of zeros.
+            const Eigen::Vector4d& pixel = lenses_[l].pixel;
+            const Eigen::Vector4d by_lens = -pixel.cwiseProduct((pixel.asDiagonal() * of_lens * pixel.asDiagonal())
+                                                                    .completeOrthogonalDecomposition()
+                                                                    .solve(pixel.cwiseProduct(toward_lens)));
             if (!by_lens.allFinite()) break;
-            LensChange& lens = lenses_[l].now;
-            lens.log_focal += by_lens[0], lens.cx += by_lens[1], lens.cy += by_lens[2];
+            lenses_[l].now += by_lens;
             for (std::size_t k = 0; k < views_.size(); ++k) {
                 const Vector6d by = -(of_poses[k].first + of_poses[k].second * by_lens);
                 if (views_[k].lens == l && by.allFinite() && !by.isZero(0))
@@ -296,7 +334,7 @@ CameraCorrections CameraRefinement::corrections() const {
         out.pixels.push_back(views_[k].pose.pixels(*scene_.train[k].given, scene_.train[k].camera));
     for (const double pixels : out.pixels) out.largest = std::max(out.largest, pixels);
     if (!out.pixels.empty()) out.median = median(out.pixels);
-    for (const LearnedLens& lens : lenses_) out.focal = std::max(out.focal, std::abs(std::expm1(lens.now.log_focal)));
+    for (const LearnedLens& lens : lenses_) out.focal = std::max(out.focal, std::abs(std::expm1(lens.now[0])));
     return out;
 }
 
@@ -316,7 +354,7 @@ CameraState CameraRefinement::state(Backend& backend) {
         row.push_back(view.count);
     }
     for (const LearnedLens& lens : lenses_) {
-        auto& row = state.lenses.emplace_back(std::vector<double>{lens.now.log_focal, lens.now.cx, lens.now.cy});
+        auto& row = state.lenses.emplace_back(lens.now.begin(), lens.now.end());
         row.insert(row.end(), std::begin(lens.moments), std::end(lens.moments));
     }
     return state;
@@ -334,8 +372,7 @@ void CameraRefinement::resume(const CameraState& state) {
     gathered_ = state.gathered;
     for (std::size_t k = 0; k < lenses_.size(); ++k) {
         const double* at = state.lenses[k].data();
-        LensChange& lens = lenses_[k].now;
-        lens.log_focal = *at++, lens.cx = *at++, lens.cy = *at++;
+        for (double& change : lenses_[k].now) change = *at++;
         for (double& moment : lenses_[k].moments) moment = *at++;
     }
     for (std::size_t k = 0; k < views_.size(); ++k) {

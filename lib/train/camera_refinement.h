@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Learns the cameras of the training views beside the scene: poses, focal lengths and principal points
+// Learns the cameras of the training views beside the scene: poses, focal lengths, principal points and distortion
 // (docs/math/cameras.md).
 #pragma once
 
@@ -65,26 +65,26 @@ class CameraRefinement {
         CameraGradient<double> sum{};  ///< of the gradients since the last step
         double count = 0;              ///< number of these gradients
     };
-    struct LensChange {
-        double log_focal = 0;   ///< logarithm of the factor of both focal lengths
-        double cx = 0, cy = 0;  ///< shifts of the principal point, pixels
-    };
-    /// The focal lengths and the principal point of the images of one camera.
+    /// The lens of the images of one camera. A change is the logarithm of the factor of both focal lengths, shifts of
+    /// the principal point in pixels, and what is added to the first coefficient of distortion.
     struct LearnedLens {
         LensCamera given;
+        LensRange range;
         double num_views = 0;
-        LensChange start{};  ///< with which the training begins: none, or that fitted to the tracks
-        LensChange now{};
-        double moments[5] = {};  ///< as of adam_direction(), of log_focal * radius(), cx and cy
+        Eigen::Vector4d pixel;  ///< the changes that move the image by about a pixel; 0 for what is not learned
+        Eigen::Vector4d start = Eigen::Vector4d::Zero();  ///< where the training begins: 0, or fitted to the tracks
+        Eigen::Vector4d now = Eigen::Vector4d::Zero();
+        double moments[6] = {};  ///< as of adam_direction(), of the changes in pixels
+        double ranged = 0;       ///< change of the coefficient, pixels, for which the range was found
 
         LensCamera learned() const;
-        /// Returns the root mean square distance of pixels from the middle.
-        double radius() const { return 0.3 * std::hypot(given.width, given.height); }
+        /// Finds the range again if the distortion has changed by a quarter of a pixel.
+        void update_range();
     };
 
     void fit_to_tracks(const std::vector<Eigen::Vector3d>& points);
     bool learns(const ScheduleMoment& moment) const;
-    double pull_of(std::size_t view) const;
+    bool has_tracks(std::size_t view) const;
     double error_of_tracks(std::size_t lens) const;
     void collect(Backend& backend);
     void move(double rate);

@@ -13,10 +13,11 @@ namespace gs {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// The pixel of a point, and its derivative by the point in camera space.
+/// The pixel of a point, and its derivatives by the point in camera space and by the first coefficient of distortion.
 struct PixelOfPoint {
     Eigen::Vector2d at;
-    Eigen::Matrix<double, 2, 3> by_point;
+    Eigen::Matrix<double, 2, 3> by_point = Eigen::Matrix<double, 2, 3>::Zero();
+    Eigen::Vector2d by_coefficient = Eigen::Vector2d::Zero();
 
     /// Returns the derivative by a turn w of the camera about its centre, radians, and a shift of its centre, both in
     /// its axes. `point` is in camera space.
@@ -34,11 +35,12 @@ Vector6d correction_of(const Camera& given, const Camera& now);
 
 /// The mean Huber distance, in pixels, between where an image shows its points and where its camera does: half the
 /// square up to 1 pixel, linear beyond. With its gradient and its Hessian (Gauss-Newton) by turn and shift, then by the
-/// common logarithm of the focal lengths and the principal point. All 0 without observations.
+/// common logarithm of the focal lengths, the principal point and the first coefficient of distortion. All 0 without
+/// observations.
 struct TrackError {
     double mean = 0;
-    Eigen::Matrix<double, 9, 1> gradient = Eigen::Matrix<double, 9, 1>::Zero();
-    Eigen::Matrix<double, 9, 9> hessian = Eigen::Matrix<double, 9, 9>::Zero();
+    Eigen::Matrix<double, 10, 1> gradient = Eigen::Matrix<double, 10, 1>::Zero();
+    Eigen::Matrix<double, 10, 10> hessian = Eigen::Matrix<double, 10, 10>::Zero();
 };
 TrackError track_error(const Camera& camera, const std::vector<PointObservation>& observations);
 

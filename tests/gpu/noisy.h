@@ -72,6 +72,7 @@ inline Noisy gs_fma(Noisy a, Noisy b, Noisy c) { return Noisy::of(a.v * b.v + c.
 inline Noisy reciprocal(Noisy x) { return Noisy::of(1 / x.v, 2); }
 inline Noisy gs_exp(Noisy x) { return Noisy::of(std::exp(x.v), 4); }
 inline Noisy exp2_nonpositive(Noisy x) { return Noisy::of(std::exp2(std::min(x.v, 0.0)), 4); }
+inline void gs_sincos(Noisy x, Noisy& s, Noisy& c) { s = Noisy::of(std::sin(x.v), 4), c = Noisy::of(std::cos(x.v), 4); }
 inline Noisy gs_atan2(Noisy y, Noisy x) { return Noisy::of(std::atan2(y.v, x.v), 8); }
 inline Noisy gs_log(Noisy x) { return Noisy::of(std::log(x.v), 4); }
 inline Noisy gs_sqrt(Noisy x) { return Noisy::of(std::sqrt(x.v), 6); }

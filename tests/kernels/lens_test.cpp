@@ -282,7 +282,7 @@ TEST(LensGradient, MatchesFiniteDifferencesForEveryModelOfLens) {
     }
 }
 
-TEST(LensGradient, OfFocalLengthAndPrincipalPointMatchesForSmallSplats) {
+TEST(LensGradient, OfTheLensMatchesForSmallSplats) {
     for (const TestLens& test : test_lenses()) {
         SCOPED_TRACE(test.name);
         const CameraParams<double> camera = lens_camera(test, 360, 280);

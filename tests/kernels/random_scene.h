@@ -26,7 +26,8 @@ inline CameraParams<double> test_camera(int width, int height) {
 inline CameraParams<double> moved_camera(CameraParams<double> c, int k, double h) {
     double *const place[] = {&c.position.x, &c.position.y, &c.position.z}, *const lens[] = {&c.fx, &c.fy, &c.cx, &c.cy};
     if (k < 3) *place[k] += h;
-    if (k >= 6) *lens[k - 6] += h;
+    if (k >= 6 && k < 10) *lens[k - 6] += h;
+    if (k == 10) c.lens = with_first_coefficient(c.lens, c.lens.distortion[0] + h);
     if (k >= 3 && k < 6) {  // rotation exp([w]x): its rows turn against w
         const Vec3<double> axis{double(k == 3), double(k == 4), double(k == 5)};
         for (Vec3<double>* row : {&c.rotation.r0, &c.rotation.r1, &c.rotation.r2})

@@ -349,6 +349,11 @@ TEST(PrepareReport, WarnsBelowNineTenthsAndGroupsDigits) {
     report.points = 1234567;
     EXPECT_FALSE(is_poor(report));
     EXPECT_EQ(describe(report), std::vector<std::string>{"18 of 20 photographs registered, 1,234,567 points"});
+    report.error = 1.0;
+    EXPECT_EQ(describe(report).size(), 1u);
+    report.error = 1.4;
+    EXPECT_NE(describe(report).at(1).find("--refine-cameras auto"), std::string::npos);
+    report.error.reset();
     report.registered = 17;
     report.is_video = true;
     report.points = 345;
