@@ -292,6 +292,22 @@ TEST(CameraRefinement, PhotographsBringTheDistortionBack) {
     EXPECT_EQ(scene.train[0].camera.distortion, scene.train[5].camera.distortion);
 }
 
+TEST(CameraRefinement, LearnsTheSameTwiceWithBatchesAndPhotometricCorrection) {
+    const test::TemporaryFolder folder;
+    TrainOptions options = small_options(folder.path() / "run", 200);
+    options.ppisp = PpispMode::kOn;
+    options.batch = 2;
+    Scene once = small_scene(0.5, false), again = small_scene(0.5, false);
+    run(options, once);
+    options.model = (folder.path() / "again").string();
+    run(options, again);
+    const Scene given = small_scene(0.5, false);
+    for (std::size_t k = 0; k < once.train.size(); ++k) {
+        EXPECT_NE(once.train[k].camera.translation, given.train[k].camera.translation) << k;
+        EXPECT_EQ(once.train[k].camera.translation, again.train[k].camera.translation) << k;
+    }
+}
+
 /// Compares the cameras of a run that stopped at iteration 157 of 400 with those of one that did not.
 void expect_same_after_resuming(const std::function<Scene()>& make_scene) {
     const test::TemporaryFolder folder;
