@@ -55,7 +55,8 @@ Eigen::Vector4d changes_of_a_pixel(const Camera& camera) {
     Eigen::Vector4d out(1 / (0.3 * std::hypot(camera.width, camera.height)), 1, 1, 0);
     constexpr int kPlaces = 9;
     double squares = 0, count = 0;
-    for (int k = 0; k < kPlaces * kPlaces && !is_pinhole(camera); ++k) {
+    if (is_pinhole(camera) || (camera.model == CameraModel::kFov && camera.distortion[0] <= 0)) return out;
+    for (int k = 0; k < kPlaces * kPlaces; ++k) {
         const auto ray = unproject(
             camera, {camera.width * (k % kPlaces + 0.5) / kPlaces, camera.height * (k / kPlaces + 0.5) / kPlaces});
         const auto at = ray ? pixel_of(camera, *ray) : std::nullopt;
