@@ -321,11 +321,10 @@ std::vector<Option> start_options() {
 
 std::vector<Option> camera_options() {
     return {
-        choice(
-            "refine-cameras", &O::refine_cameras,
-            "learn poses, focal lengths, principal points and distortion of the training images beside the scene; "
-            "where COLMAP's model says which points an image shows, its camera stays near where it fits these; auto: "
-            "if two short trainings show a gain on held-out training images")
+        choice("refine-cameras", &O::refine_cameras,
+               "learn poses, focal lengths, principal points and distortion of the training images beside the scene; "
+               "if COLMAP's model says which points an image shows, its camera stays near where it fits these; auto: "
+               "if two short trainings show a gain on held-out training images")
             .gives("with aligned test cameras: a telephone's own poses 31.7 to 34.4 dB; garden off by 2 pixels 22.1 to "
                    "26.8, with the right poses 27.1 either way ([tries](lab/cameras.md))"),
     };

@@ -6,7 +6,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
-#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
@@ -55,12 +54,12 @@ Eigen::Vector4d changes_of_a_pixel(const Camera& camera) {
     Eigen::Vector4d out(1 / (0.3 * std::hypot(camera.width, camera.height)), 1, 1, 0);
     constexpr int kPlaces = 9;
     double squares = 0, count = 0;
+    // FOV is the same lens for angles of both signs, and gradients are by the positive one.
     if (is_pinhole(camera) || (camera.model == CameraModel::kFov && camera.distortion[0] <= 0)) return out;
     for (int k = 0; k < kPlaces * kPlaces; ++k) {
         const auto ray = unproject(
             camera, {camera.width * (k % kPlaces + 0.5) / kPlaces, camera.height * (k / kPlaces + 0.5) / kPlaces});
-        const auto at = ray ? pixel_of(camera, *ray) : std::nullopt;
-        if (at) squares += at->by_coefficient.squaredNorm(), ++count;
+        if (ray) squares += pixel_by_coefficient(camera, *ray).squaredNorm(), ++count;
     }
     if (squares > 0) out[3] = std::sqrt(count / squares);
     return out;
@@ -103,7 +102,7 @@ LensCamera CameraRefinement::LearnedLens::learned() const {
 void CameraRefinement::LearnedLens::update_range() {
     constexpr double kStep = 0.25;
     if (pixel[3] == 0) return;
-    // Steps of the same places each time, so that a resumed training finds the same range.
+    // Rounded, so that a resumed training finds the same range.
     const double step = kStep * std::round(now[3] / (kStep * pixel[3]));
     if (step == ranged) return;
     LensCamera lens = given;
@@ -159,9 +158,10 @@ void CameraRefinement::collect(Backend& backend) {
         LearnedView& view = views_[std::size_t(found.id.view)];
         CameraGradient<double> gradient = found.gradient;
         // A pixel of a reduced image is several of the camera's.
-        const double pixel = 1.0 / found.id.factor;
+        for (double* per_pixel : {&gradient.fx, &gradient.fy, &gradient.cx, &gradient.cy})
+            *per_pixel /= found.id.factor;
         double numbers[CameraGradient<double>::kSize];
-        gradient.for_each([&](int k, double number) { numbers[k] = k < 6 || k > 9 ? number : number * pixel; });
+        gradient.for_each([&](int k, double number) { numbers[k] = number; });
         view.sum.for_each([&](int k, double& sum) { sum += numbers[k]; });
         ++view.count;
     }
@@ -278,9 +278,9 @@ void CameraRefinement::fit_to_tracks(const std::vector<Vector3d>& points) {
             }
             // In pixels, so that what is not learned is a row and a column of zeros.
             const Eigen::Vector4d& pixel = lenses_[l].pixel;
-            const Eigen::Vector4d by_lens = -pixel.cwiseProduct((pixel.asDiagonal() * of_lens * pixel.asDiagonal())
-                                                                    .completeOrthogonalDecomposition()
-                                                                    .solve(pixel.cwiseProduct(toward_lens)));
+            const Eigen::Matrix4d in_pixels = pixel.asDiagonal() * of_lens * pixel.asDiagonal();
+            const Eigen::Vector4d by_lens =
+                -pixel.cwiseProduct(in_pixels.ldlt().solve(pixel.cwiseProduct(toward_lens)));
             if (!by_lens.allFinite()) break;
             lenses_[l].now += by_lens;
             for (std::size_t k = 0; k < views_.size(); ++k) {

@@ -59,7 +59,7 @@ std::optional<PixelOfPoint> pixel_of(const Camera& camera, const Vector3d& point
     if (!camera.is_used_at(point)) return {};
     const auto at = project(camera, point);
     if (!at) return {};
-    PixelOfPoint out{.at = *at};
+    PixelOfPoint out{*at, Eigen::Matrix<double, 2, 3>::Zero()};
     if (is_pinhole(camera)) {
         const double inverse = 1 / point.z();
         out.by_point << camera.fx * inverse, 0, -camera.fx * point.x() * inverse * inverse,  //
@@ -70,13 +70,19 @@ std::optional<PixelOfPoint> pixel_of(const Camera& camera, const Vector3d& point
     const Vec3<double> d{point.x() / distance, point.y() / distance, point.z() / distance};
     Vec3<double> e1, e2;
     tangent_basis(d, e1, e2);
-    const Lens<double> lens = kernel_lens<double>(camera, camera.range);
-    const LensPoint<double> p = lens_point_at(lens, d, e1, e2), by = lens_point_by_coefficient(lens, d, e1, e2);
+    const LensPoint<double> p = lens_point_at(kernel_lens<double>(camera, camera.range), d, e1, e2);
     const Eigen::RowVector3d a(e1.x, e1.y, e1.z), b(e2.x, e2.y, e2.z);
     out.by_point.row(0) = camera.fx / distance * (p.x.x * a + p.x.y * b);
     out.by_point.row(1) = camera.fy / distance * (p.y.x * a + p.y.y * b);
-    out.by_coefficient << camera.fx * by.x.value, camera.fy * by.y.value;
     return out;
+}
+
+Vector2d pixel_by_coefficient(const Camera& camera, const Vector3d& point) {
+    if (is_pinhole(camera)) return Vector2d::Zero();
+    const Vec3<double> direction{point.x(), point.y(), point.z()}, no_change{0, 0, 0};
+    const LensPoint<double> by =
+        lens_point_by_coefficient(kernel_lens<double>(camera, camera.range), direction, no_change, no_change);
+    return {camera.fx * by.x.value, camera.fy * by.y.value};
 }
 
 TrackError track_error(const Camera& camera, const std::vector<PointObservation>& observations) {
@@ -90,7 +96,8 @@ TrackError track_error(const Camera& camera, const std::vector<PointObservation>
         const Vector2d off = pixel->at - seen.at.cwiseProduct(size);
         const double distance = off.norm(), weight = share / std::max(1.0, distance);
         Eigen::Matrix<double, 2, 10> by;
-        by << pixel->by_pose(point), pixel->at - middle, Eigen::Matrix2d::Identity(), pixel->by_coefficient;
+        by << pixel->by_pose(point), pixel->at - middle, Eigen::Matrix2d::Identity(),
+            pixel_by_coefficient(camera, point);
         out.mean += share * (distance > 1 ? distance - 0.5 : 0.5 * distance * distance);
         out.gradient += by.transpose() * off * weight;
         out.hessian += by.transpose() * by * weight;

@@ -13,11 +13,10 @@ namespace gs {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// The pixel of a point, and its derivatives by the point in camera space and by the first coefficient of distortion.
+/// The pixel of a point, and its derivative by the point in camera space.
 struct PixelOfPoint {
     Eigen::Vector2d at;
-    Eigen::Matrix<double, 2, 3> by_point = Eigen::Matrix<double, 2, 3>::Zero();
-    Eigen::Vector2d by_coefficient = Eigen::Vector2d::Zero();
+    Eigen::Matrix<double, 2, 3> by_point;
 
     /// Returns the derivative by a turn w of the camera about its centre, radians, and a shift of its centre, both in
     /// its axes. `point` is in camera space.
@@ -26,6 +25,10 @@ struct PixelOfPoint {
 
 /// Projects a point in camera space; nothing if the camera does not see that direction.
 std::optional<PixelOfPoint> pixel_of(const Camera& camera, const Eigen::Vector3d& point);
+
+/// Returns the derivative of the pixel of a point in camera space by the first coefficient of distortion; 0 for a
+/// pinhole.
+Eigen::Vector2d pixel_by_coefficient(const Camera& camera, const Eigen::Vector3d& point);
 
 /// Returns the camera turned about its centre and then shifted, both in the axes that it had before.
 Camera moved_by(Camera camera, const Vector6d& by);

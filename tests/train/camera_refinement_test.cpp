@@ -283,12 +283,14 @@ Scene lens_scene(double off_by) {
 TEST(CameraRefinement, PhotographsBringTheDistortionBack) {
     const test::TemporaryFolder folder;
     Scene scene = lens_scene(0.08);
-    const double given = scene.train[0].camera.distortion[0];
+    const Camera given = scene.train[0].camera;
     TrainOptions options = small_options(folder.path() / "run", 1500);
     options.source = "builtin:room-k1";
     run(options, scene);
-    std::printf("coefficient: %.4f given, %.4f learned, -0.18 right\n", given, scene.train[0].camera.distortion[0]);
-    EXPECT_LT(std::abs(scene.train[0].camera.distortion[0] + 0.18), 0.5 * 0.08);
+    const Camera& learned = scene.train[0].camera;
+    std::printf("coefficient: %.4f given, %.4f learned, -0.18 right\n", given.distortion[0], learned.distortion[0]);
+    EXPECT_LT(std::abs(learned.distortion[0] + 0.18), 0.5 * 0.08);
+    EXPECT_NE(learned.range.max_angle, given.range.max_angle);
     EXPECT_EQ(scene.train[0].camera.distortion, scene.train[5].camera.distortion);
 }
 
