@@ -95,7 +95,9 @@ Trials run_trials(TrialTraining& trial, const Gaussians& begun, const Stage& sta
             iteration = trials.finished[choose_appearance(trials.finished, options.auto_tolerance).chosen].seconds;
         const double left = deadline.left(options.iterations, iteration);
         std::optional<TrialResult> r;
-        if (last <= left) r = trial.continue_with(begun, spec, iterations, left);  // later models are not faster
+        TrainOptions tried = options;
+        tried.appearance = spec.model;
+        if (last <= left) r = trial.continue_with(begun, tried, iterations, left);  // later models are not faster
         if (!r) {
             trials.unfinished.push_back(spec.model);
             continue;
@@ -140,7 +142,7 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     measured.plain_bytes = bytes_of(appearance_spec(stage.options));
     measured.image_width = stage.scene.train.front().camera.width,
     measured.image_height = stage.scene.train.front().camera.height;
-    const TrialResult plain = trial.begin(measured.warm_up_iterations);
+    const TrialResult plain = trial.begin(stage.options, measured.warm_up_iterations);
     const std::vector<Photograph> seen =
         load_photographs(stage.scene.train, trial.background(), [&](std::size_t k) { return trial.image(k); });
     const std::vector<Photograph> held_out = load_photographs(stage.scene.test, trial.background());

@@ -41,8 +41,6 @@ Stage make_stage(const TrainOptions& options, const Scene& scene) {
     stage.pixels = small / full;
     stage.options.appearance = plain_model();
     stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
-    if (options.ppisp == PpispMode::kAuto)
-        stage.options.ppisp = PpispMode::kOn;  // harmless if images do not differ; there is no time to find out
     return stage;
 }
 
@@ -50,12 +48,12 @@ std::int64_t iterations_of(const TrainOptions& options, double share) {
     return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
 }
 
-std::int64_t affordable_iterations(const Stage& stage, double seconds, std::size_t trainings) {
+std::int64_t affordable_iterations(const Stage& stage, double seconds, double trainings) {
     const AppearanceSpec plain = appearance_spec(stage.options);
     const auto backend = make_backend(stage.options.device, plain, engine_options(stage.options));
     backend->upload(initialize_gaussians(stage.scene, plain, init_options(stage.options)));
     const double step = kStepPerFrame * ModelLimits(stage.options, stage.scene, {}, 0).view_seconds(*backend);
-    return std::int64_t(seconds / (step * double(trainings)));
+    return std::int64_t(seconds / (step * trainings));
 }
 
 }  // namespace gs

@@ -33,6 +33,6 @@ std::int64_t iterations_of(const TrainOptions& options, double share);
 
 /// Returns the number of iterations that each of `trainings` trainings on the stage can have within `seconds`,
 /// estimated from frames of its first Gaussians.
-std::int64_t affordable_iterations(const Stage& stage, double seconds, std::size_t trainings);
+std::int64_t affordable_iterations(const Stage& stage, double seconds, double trainings);
 
 }  // namespace gs

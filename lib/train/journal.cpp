@@ -73,16 +73,6 @@ void Journal::write_residuals(const ResidualChange& change, std::int64_t num_gau
            {"loss_dB", change.loss}});
 }
 
-void Journal::write_photometric(const PhotometricDecision& decision, std::int64_t iteration) {
-    write({{"event", "photometric"},
-           {"iteration", iteration},
-           {"on", decision.on},
-           {"stops", decision.variation.stops},
-           {"threshold", kPhotometricThreshold},
-           {"images", decision.variation.num_images},
-           {"reason", describe(decision)}});
-}
-
 void Journal::write_nonfinite(std::int64_t removed, const std::string& parameters, std::int64_t iteration) {
     log_warning("iteration {}: removed {} Gaussians with parameters that are not finite or out of range ({})",
                 iteration, removed, parameters);

@@ -11,7 +11,6 @@
 #include "kernels/requests.h"
 #include "lib/model/run_folder.h"
 #include "lib/train/densification.h"
-#include "lib/train/photometric.h"
 #include "lib/train/residual_share.h"
 #include "lib/train/target_search.h"
 #include "lib/train/train_hooks.h"
@@ -55,7 +54,6 @@ class Journal {
     /// Writes a change of the set of Gaussians; no line if nothing changed.
     void write_change(const ScheduledChange& change, std::int64_t iteration);
     void write_residuals(const ResidualChange& change, std::int64_t num_gaussians, std::int64_t iteration);
-    void write_photometric(const PhotometricDecision& decision, std::int64_t iteration);
     /// Writes that Gaussians were removed for parameters that were not finite or out of range. `parameters` is their
     /// count by group, in words.
     void write_nonfinite(std::int64_t removed, const std::string& parameters, std::int64_t iteration);

@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Handles photometric differences between a run's images. Measures differences that the scene cannot explain, and
-// switches PPISP off, on, by that measurement, or takes it from another run.
+// Handles photometric differences between a run's images: PPISP is off, on, or taken from another run.
 #pragma once
 
 #include <cstddef>
 #include <filesystem>
-#include <functional>
-#include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,35 +15,6 @@
 
 namespace gs {
 
-/// The variation of the images, in stops, above which --ppisp auto switches the correction on. The value is the
-/// geometric mean between the scenes with consistent exposure (0.02 to 0.05; the largest are lego, and builtin:shadow
-/// with its moving shadow) and the lowest of the others (bonsai 0.11; builtin:exposure 0.53).
-inline constexpr double kPhotometricThreshold = 0.075;
-
-/// The photometric variation of photographs that the scene cannot explain: exposure and white balance.
-struct PhotometricVariation {
-    double stops = 0;             ///< standard deviation, over the images, of the brightness common to a whole image
-    int num_images = 0;           ///< number of images compared
-    std::string nothing_to_tell;  ///< reason for a missing measurement; empty if there is a measurement
-};
-
-/// Compares up to 64 training images, evenly spaced in the list, with renders of a model. The model's colours must not
-/// depend on the view, so that it cannot adapt to single images. Measures per channel how much brighter or darker whole
-/// images are than their renders.
-///
-/// An image is divided into 4x4 blocks; each block yields log2(sum of the image / sum of the render). The part common
-/// to all images at a block (vignetting, a model that is still too dark) is subtracted. A change of exposure shifts all
-/// blocks of an image equally; an error of geometry or a highlight shifts only some. So the variance between images,
-/// minus the part due to the scatter within them, is the variance of exposure and white balance. `stops` is the square
-/// root of its mean over the channels. Masked and transparent pixels do not count.
-PhotometricVariation measure_variation(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
-                                       const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
-
-/// The position at which --ppisp auto decides, and the minimum number of iterations before the decision. The position
-/// is late enough for a rough scene, and early enough that colour hardly depends on the view (degree 1 begins here).
-inline constexpr double kPhotometricDecision = 1000;
-inline constexpr std::int64_t kLeastIterations = 500;
-
 /// The standard deviation of the exposures, in stops, above which view dependence is delayed. It lies between scenes
 /// that need no delay (bonsai at 200 pixels: 0.10) and scenes that lose quality without a delay (builtin:exposure: 0.21
 /// after 1000 iterations, 0.4 after 4000).
@@ -55,13 +22,8 @@ inline constexpr double kSpreadThatHolds = 0.15;
 /// The position from which colours depend on the view in any case.
 inline constexpr double kLongestHold = 10000;
 
-/// The decision of --ppisp auto.
-struct PhotometricDecision {
-    bool on = false;
-    PhotometricVariation variation;
-};
-/// Describes a decision, e.g. "on: images vary by 0.550 stops, threshold 0.075".
-std::string describe(const PhotometricDecision& decision);
+/// Returns the standard deviation of the images' exposures, in stops; 0 without PPISP.
+double exposure_spread(const PpispState& state);
 
 /// Returns the learning rate of PPISP's parameters `distance` positions after PPISP began: a warm-up to `rate`, then a
 /// decay by a factor of 100 in 30000 positions (docs/math/ppisp.md#optimizer). `distance` is negative if the schedule
@@ -70,29 +32,23 @@ double ppisp_rate(double rate, double distance);
 /// The learning rate of the controllers' weights.
 inline constexpr double kControllerRate = 0.001;
 
-/// PPISP in a run: off, on, decided by the images, or taken from another run. A new run begins with initial_state(), a
-/// resumed run with resume(). Before every step, call decide(), then apply() on the step's request. After the last
+/// PPISP in a run: off, on, or taken from another run. A new run begins with initial_state(), a resumed run with
+/// resume(). Before every step, call apply() on the step's request. After the last
 /// change of the Gaussians, call add_controllers(), then apply_controller() for each controller step.
 class Photometric {
   public:
-    /// Reads options.ppisp_from, if set, and matches it with the training images by name. Throws DataError if an image
-    /// has no counterpart there or the numbers of cameras differ, UsageError if only one of the two runs uses EXIF.
-    /// Both arguments must outlive the object.
+    /// options.ppisp must be on or off, not auto. Reads options.ppisp_from, if set, and matches it with the training
+    /// images by name. Throws DataError if an image has no counterpart there or the numbers of cameras differ,
+    /// UsageError if only one of the two runs uses EXIF. Both arguments must outlive the object.
     Photometric(const TrainOptions& options, const Scene& scene);
 
-    /// Returns the PPISP state with which a new run begins; inactive if PPISP is off or not yet decided.
+    /// Returns the PPISP state with which a new run begins; inactive if PPISP is off.
     const PpispState& initial_state() const { return initial_; }
 
     /// Continues a run at `moment`. If PPISP is on but the checkpoint has no PPISP state, PPISP begins at `moment`.
     /// Throws UsageError for a checkpoint with PPISP if PPISP is off, DataError for a checkpoint with other numbers of
     /// images or cameras.
     void resume(Gaussians& state, const ScheduleMoment& moment);
-
-    /// Makes the decision of --ppisp auto if it is due before the step at `moment`, and if PPISP is switched on uploads
-    /// its initial state to the backend. Returns nothing if no decision was due.
-    std::optional<PhotometricDecision> decide(
-        Backend& backend, const ScheduleMoment& moment, const Vec3<float>& background,
-        const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
 
     /// Returns whether colours should not yet depend on the view: the standard deviation of the learned exposures
     /// exceeds kSpreadThatHolds, and the first third of the run is not over. Otherwise view dependence would

@@ -77,7 +77,6 @@ void StepRunner::take(Backend& backend) {
     const auto num_views = std::int64_t(views.size());
     const ScheduleMoment moment = schedule_.moment();
     const std::int64_t first = moment.iteration + 1, last = moment.iteration + num_views;
-    decide_photometric(backend, moment);
     cameras_.before_step(backend, moment);
     const bool hold = multiples_passed(moment.before, moment.position, kDegreeInterval) > 0 &&
                       photometric_.holds_view_dependence(backend, moment);
@@ -111,12 +110,6 @@ std::vector<StepView> StepRunner::next_views(Backend& backend) {
 /// Returns the first iteration for which no image is decoded ahead.
 std::int64_t StepRunner::end_of_views() const {
     return length_.ends_by_iterations() ? length_.iterations : std::numeric_limits<std::int64_t>::max();
-}
-
-void StepRunner::decide_photometric(Backend& backend, const ScheduleMoment& moment) {
-    const auto decision = photometric_.decide(backend, moment, views_.fixed_background(),
-                                              [&](std::size_t view) { return views_.image(view); });
-    if (decision) journal_.write_photometric(*decision, moment.iteration + 1);
 }
 
 /// Returns the source of requests for steps on single views at `moment`. Each request is valid until the next one is

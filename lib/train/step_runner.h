@@ -71,7 +71,6 @@ class StepRunner {
     void start_antialiasing(Gaussians& state);
     std::vector<StepView> next_views(Backend& backend);
     std::int64_t end_of_views() const;
-    void decide_photometric(Backend& backend, const ScheduleMoment& moment);
     StepSource steps_on_views(const ScheduleMoment& moment);
 
     const OutputOptions& output_;

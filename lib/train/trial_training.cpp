@@ -3,7 +3,6 @@
 #include "lib/train/trial_training.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "appearance/model_info.h"
 #include "kernels/base/clock.h"
@@ -15,6 +14,7 @@
 #include "lib/train/choose_backend.h"
 #include "lib/train/densification.h"
 #include "lib/train/group_backend.h"
+#include "lib/train/photometric.h"
 #include "lib/train/step_composer.h"
 
 namespace gs {
@@ -59,24 +59,24 @@ Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearan
 
 }  // namespace
 
-TrialTraining::TrialTraining(const TrainOptions& options, const Scene& scene)
-    : options_(options), scene_(scene), views_(options_, scene_), photometric_(options_, scene_) {}
+TrialTraining::TrialTraining(const TrainOptions& options, const Scene& scene) : scene_(scene), views_(options, scene) {}
 
-TrialResult TrialTraining::begin(std::int64_t iterations, CameraRefinement* cameras) {
-    const AppearanceSpec appearance = appearance_spec(options_);
-    const StepComposer composer(options_, appearance, scene_, &photometric_);
+TrialResult TrialTraining::begin(const TrainOptions& options, std::int64_t iterations, CameraRefinement* cameras) {
+    const Photometric photometric(options, scene_);
+    const AppearanceSpec appearance = appearance_spec(options);
+    const StepComposer composer(options, appearance, scene_, &photometric);
     std::vector<RenderRequest> training_views;
     for (const View& view : scene_.train)
         training_views.push_back({.camera = camera_params(view.camera), .background = background()});
-    DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background.always(0, 0, 0),
+    DensificationSchedule schedule(options, appearance, scene_.extent, options.background.always(0, 0, 0),
                                    training_views);
-    Gaussians state = initialize_gaussians(scene_, appearance, init_options(options_));
-    state.antialiased = options_.antialiasing == Antialiasing::kOn, state.ppisp = photometric_.initial_state();
-    TrialResult result{make_backend(options_.device, appearance, engine_options(options_))};
+    Gaussians state = initialize_gaussians(scene_, appearance, init_options(options));
+    state.antialiased = options.antialiasing == Antialiasing::kOn, state.ppisp = photometric.initial_state();
+    TrialResult result{make_backend(options.device, appearance, engine_options(options))};
     result.backend->upload(state);
     run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(),
         [&](std::int64_t k, const StepView& view) {
-            const ScheduleMoment moment = moment_at(options_, k);
+            const ScheduleMoment moment = moment_at(options, k);
             if (cameras) cameras->before_step(*result.backend, moment);
             schedule.before_step(*result.backend, moment);
             StepRequest request = composer.compose(view, moment);
@@ -87,19 +87,21 @@ TrialResult TrialTraining::begin(std::int64_t iterations, CameraRefinement* came
     return result;
 }
 
-std::optional<TrialResult> TrialTraining::continue_with(const Gaussians& state, const AppearanceSpec& appearance,
+std::optional<TrialResult> TrialTraining::continue_with(const Gaussians& state, const TrainOptions& options,
                                                         std::int64_t iterations, double most_seconds) {
-    TrainOptions resting = options_;
+    const AppearanceSpec appearance = appearance_spec(options);
+    Photometric photometric(options, scene_);
+    TrainOptions resting = options;
     resting.strategy = Strategy::kNone;  // no noise on the means
-    const StepComposer composer(resting, appearance, scene_, &photometric_);
-    Gaussians start = with_appearance(state, appearance, scene_, options_.seed);
-    TrialResult result{make_backend(options_.device, appearance, engine_options(options_))};
-    photometric_.resume(start, moment_at(options_, begun_));
+    const StepComposer composer(resting, appearance, scene_, &photometric);
+    Gaussians start = with_appearance(state, appearance, scene_, options.seed);
+    TrialResult result{make_backend(options.device, appearance, engine_options(options))};
+    photometric.resume(start, moment_at(options, begun_));
     result.backend->upload(start);
     const bool finished =
         run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, const StepView& view) {
             const auto rates = std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations));
-            return composer.compose(view, moment_at(options_, begun_ + k), {rates, double(rates), double(rates - 1)});
+            return composer.compose(view, moment_at(options, begun_ + k), {rates, double(rates), double(rates - 1)});
         });
     return finished ? std::optional(std::move(result)) : std::nullopt;
 }

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trains short segments in memory, without files, progress or controllers. `--appearance auto` uses them to compare
-// appearance models, `--refine-cameras auto` to compare given with learned cameras.
+// Trains short segments in memory, without files, progress or controllers. What they show decides before a run on its
+// appearance, photometric correction and cameras.
 #pragma once
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,7 +14,6 @@
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 #include "lib/train/camera_refinement.h"
-#include "lib/train/photometric.h"
 #include "lib/train/training_views.h"
 
 namespace gs {
@@ -24,25 +24,27 @@ struct TrialResult {
     double seconds = 0;  ///< time of the steps
 };
 
-/// Trains one appearance model for a while, then continues from its state with other appearance models. Call begin()
-/// first, then continue_with() for each model.
+/// Trains a model for a while, and continues from its state in several ways. Options that are given to begin() and
+/// continue_with() must be valid, with PPISP on or off (not auto), and may differ from those of the constructor in the
+/// number of iterations, appearance and PPISP.
 class TrialTraining {
   public:
-    /// `options` must be valid, with PPISP on or off (not auto), and `scene` must have a training view. `scene` must
-    /// outlive the object.
+    /// `scene` must have a training view, and must outlive the object.
     TrialTraining(const TrainOptions& options, const Scene& scene);
 
-    /// Trains the first `iterations` iterations of a run with the options' appearance. Also learns `cameras` if
-    /// they are given; they must be those of the scene.
-    TrialResult begin(std::int64_t iterations, CameraRefinement* cameras = nullptr);
+    /// Trains the first `iterations` iterations of a run with these options. Also learns `cameras` if they are given;
+    /// they must be those of the scene.
+    TrialResult begin(const TrainOptions& options, std::int64_t iterations, CameraRefinement* cameras = nullptr);
 
-    /// Continues from `state` with another appearance, whose residual begins at zero with all degrees active. No
+    /// Continues from a state of a model without residual, after as many iterations as the last begin() had. The
+    /// appearance's residual begins at zero with all degrees active, PPISP where the state has it or else here. No
     /// Gaussian is added or relocated. The learning rates follow the rest of a run's schedule in compressed form, so
     /// that the model converges. Every call uses the same views. Returns nothing after more than `most_seconds`, since
     /// models are comparable only after the rates have fallen. Throws NumericError if parameters or losses stay
     /// non-finite, Interrupted after Ctrl-C.
-    std::optional<TrialResult> continue_with(const Gaussians& state, const AppearanceSpec& appearance,
-                                             std::int64_t iterations, double most_seconds);
+    std::optional<TrialResult> continue_with(const Gaussians& state, const TrainOptions& options,
+                                             std::int64_t iterations,
+                                             double most_seconds = std::numeric_limits<double>::infinity());
 
     Vec3<float> background() const { return views_.fixed_background(); }
     /// Returns the image of a training view, from the cache of the steps.
@@ -53,10 +55,8 @@ class TrialTraining {
     bool run(TrialResult& result, const std::string& model, std::int64_t iterations, std::int64_t first,
              double most_seconds, const std::function<StepRequest(std::int64_t, const StepView&)>& compose);
 
-    const TrainOptions options_;
     const Scene& scene_;
     TrainingViews views_;
-    Photometric photometric_;
     std::int64_t begun_ = 0;  ///< number of iterations of begin()
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photometric correction through the training loop: what is recovered, what auto decides, resuming, taking over another
+// Photometric correction through the training loop: what is recovered, resuming, taking over another
 // run's values.
 #include "lib/train/photometric.h"
 
@@ -102,59 +102,6 @@ TEST(PhotometricRate, StartsSlowlyAndFallsByAHundred) {
     EXPECT_NEAR(ppisp_rate(0.002, 30000), 2.16e-5, 1e-7);
 }
 
-/// Renders 0.5 everywhere.
-class FlatEngine : public test::ForwardingEngine {
-  public:
-    FlatEngine() : ForwardingEngine({"none", 0, ColorActivation::kRelu}) {}
-    void render(const RenderRequest& request, const SplatParts*, RenderedImage& out) override {
-        out.width = request.camera.width, out.height = request.camera.height;
-        out.rgb.assign(std::size_t(3) * out.width * out.height, 0.5f);
-    }
-};
-
-/// Measures the variation of photographs whose pixels are 0.5 * 2^stops(view, x, y).
-PhotometricVariation variation_of(int views, const std::function<double(int, int, int)>& stops) {
-    std::vector<View> list(static_cast<std::size_t>(views));
-    for (View& view : list) view.camera.width = 32, view.camera.height = 24;
-    test::BackendOf<FlatEngine> backend;
-    return measure_variation(backend, list, {0, 0, 0}, [&](std::size_t view) {
-        auto image = std::make_shared<ViewImage>();
-        image->color = {32, 24, 3, {}, {}};
-        for (int y = 0; y < 24; ++y)
-            for (int x = 0; x < 32; ++x)
-                for (int c = 0; c < 3; ++c) image->color.f32.push_back(float(0.5 * std::exp2(stops(int(view), x, y))));
-        return image;
-    });
-}
-
-/// Returns uniform noise in -1..1, whose standard deviation is 0.577.
-double noise(int view, int block) {
-    return 2 * uniform_from_bits<double>(philox(3, RngStream::kScene, std::uint64_t(view), std::uint32_t(block)).v[0]) -
-           1;
-}
-
-TEST(PhotometricVariation, CountsWhatMovesWholeImages) {
-    EXPECT_NEAR(variation_of(100, [](int v, int, int) { return noise(v, 0); }).stops, 0.577, 0.1);
-    EXPECT_EQ(variation_of(100, [](int v, int, int) { return noise(v, 0); }).num_images, 64);
-    const double one_bright = variation_of(40, [](int v, int, int) { return v == 7 ? 1 : 0; }).stops;
-    EXPECT_NEAR(one_bright, std::sqrt(1.0 / 40), 0.01) << "one image of forty";
-}
-
-TEST(PhotometricVariation, LeavesOutWhatDoesNot) {
-    EXPECT_LT(variation_of(64, [](int v, int x, int y) { return 0.3 * noise(v, y / 6 * 4 + x / 8); }).stops, 0.03)
-        << "errors of single blocks";
-    EXPECT_LT(variation_of(64, [](int v, int x, int) { return 0.5 - x / 32.0 + (v ? 0 : 1e-3); }).stops, 1e-3)
-        << "what all images have in common";
-}
-
-TEST(PhotometricVariation, SaysWhyThereIsNothingToTell) {
-    EXPECT_EQ(variation_of(1, [](int, int, int) { return 0; }).nothing_to_tell, "there is only one training image");
-    EXPECT_EQ(variation_of(5, [](int, int, int) { return 0; }).nothing_to_tell,
-              "all training images have the same pixels");
-}
-
-// 40 views of 32x24 pixels that differ by up to one stop either way. A frame is seen every 40 steps, and gets there
-// slowly.
 TEST(Photometric, RecoversTheExposuresOfTheScene) {
     const test::TemporaryFolder tmp;
     const Scene scene = builtin("exposure", 32);
@@ -216,38 +163,13 @@ TEST(Photometric, ViewDependenceWaitsWhereExposuresDiffer) {
     EXPECT_FALSE(holds(varied, 500));
 }
 
-class PhotometricAuto : public ::testing::TestWithParam<std::pair<const char*, bool>> {};
-INSTANTIATE_TEST_SUITE_P(Scenes, PhotometricAuto,
-                         ::testing::Values(std::pair("exposure", true), std::pair("glossy", false),
-                                           std::pair("polished", false), std::pair("diffuse", false),
-                                           std::pair("moved", false), std::pair("shadow", false)),
-                         [](const auto& info) { return info.param.first; });
-
-TEST_P(PhotometricAuto, DecidesByTheImages) {
-    const test::TemporaryFolder tmp;
-    const Scene scene = builtin(GetParam().first, 40);
-    TrainOptions o = options_for(tmp.path() / "run", kPhotometricDecision + 1);
-    o.ppisp = PpispMode::kAuto;
-    const TrainSummary summary = run(o, scene);
-    const bool on = GetParam().second;
-    EXPECT_EQ(summary.photometric.substr(0, 3), on ? "on:" : "off") << summary.photometric;
-    EXPECT_NE(bytes_of(RunFolder{o.model}.train_log()).find("\"event\":\"photometric\""), std::string::npos);
-    EXPECT_EQ(std::filesystem::exists(RunFolder{o.model}.ppisp()), on);
-    EXPECT_EQ(read_checkpoint(RunFolder{o.model}.checkpoint(o.iterations)).state.ppisp.active(), on);
-}
-
-TEST(Photometric, OneImageCanBeCorrectedButAutoDoesNot) {
+TEST(Photometric, OneImageCanBeCorrected) {
     const test::TemporaryFolder tmp;
     Scene scene = builtin("exposure", 16);
     scene.train.resize(1);
     TrainOptions o = options_for(tmp.path() / "on", 5);
     run(o, scene);
     EXPECT_EQ(result(o).frames.size(), 1u);
-    o = options_for(tmp.path() / "auto", kPhotometricDecision + 1);
-    o.ppisp = PpispMode::kAuto;
-    EXPECT_EQ(run(o, scene).photometric, "off: there is only one training image");
-    o.iterations += 1, o.resume = "latest";
-    EXPECT_EQ(run(o, scene).photometric, "off: there is only one training image") << "decided before the resume";
 }
 
 TEST(Photometric, ImagesOfOneCameraMayDifferInSize) {
@@ -309,17 +231,6 @@ TEST(Photometric, ResumingEqualsNotStoppingBitForBit) {
     EXPECT_FALSE(result(o).state.controller.empty());
     EXPECT_TRUE(read_checkpoint(RunFolder{o.model}.checkpoint(60)).state.ppisp.controller.empty())
         << "a longer run goes on without";
-}
-
-// The decision is made again by a run that is resumed just before it, and remembered by one that is resumed later.
-TEST(Photometric, ResumingAroundTheDecisionEqualsNotStopping) {
-    const auto decision = std::int64_t(kPhotometricDecision);
-    for (const std::int64_t stop : {decision, decision + 3}) {
-        const test::TemporaryFolder tmp;
-        TrainOptions o = options_for(tmp.path() / "whole", kPhotometricDecision + 8);
-        o.ppisp = PpispMode::kAuto;
-        expect_resuming_equals_not_stopping(o, stop, tmp.path() / "part");
-    }
 }
 
 TEST(Photometric, ACheckpointOfOtherImagesOrWithoutTheOptionIsRefused) {

@@ -11,8 +11,8 @@
 #include "appearance/model_info.h"
 #include "apps/gsapp/live/live_training.h"
 #include "apps/gsapp/train/plan.h"
-#include "eval/auto/camera_trial.h"
 #include "eval/auto/find_appearance.h"
+#include "eval/auto/rehearsal.h"
 #include "eval/report/comparison.h"
 #include "eval/runs/run_scene.h"
 #include "eval/runs/saved_run.h"
@@ -98,18 +98,22 @@ void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart
     start.used_seconds += report.json.value("seconds", 0.0);
 }
 
-/// Decides `--refine-cameras auto`, and writes the reasons as an event of the log. A resumed run goes on as it began.
-void resolve_auto_cameras(TrainOptions& options, const Scene& scene, RunStart& start) {
+/// Decides the parts whose options are `auto`, and writes the reasons as events of the log. A resumed run goes on as it
+/// began.
+void resolve_auto_parts(TrainOptions& options, const Scene& scene, RunStart& start) {
     if (start.checkpoint) {
-        options.refine_cameras = start.checkpoint->cameras.views.empty() ? RefineCameras::kOff : RefineCameras::kOn;
+        if (options.ppisp == PpispMode::kAuto)
+            options.ppisp = start.checkpoint->state.ppisp.active() ? PpispMode::kOn : PpispMode::kOff;
+        if (options.refine_cameras == RefineCameras::kAuto)
+            options.refine_cameras = start.checkpoint->cameras.views.empty() ? RefineCameras::kOff : RefineCameras::kOn;
         return;
     }
-    const CameraTrial trial = try_cameras(options, scene);
-    const CameraDecision decision = decide_cameras(trial);
-    log_info("--refine-cameras auto: {}", decision.reason);
-    start.first_events.push_back(event_of(trial, decision));
-    options.refine_cameras = decision.learn ? RefineCameras::kOn : RefineCameras::kOff;
-    start.used_seconds += trial.seconds;
+    for (const PartTrial& trial : rehearse(options, scene)) {
+        const PartDecision decision = decide(trial);
+        log_info("--{} auto: {}", option_of(trial.part), decision.reason);
+        start.first_events.push_back(event_of(trial, decision));
+        start.used_seconds += trial.seconds;
+    }
 }
 
 /// Replaces the selected model by the model without residuals if no Gaussian is to have a residual: for a share of 0,
@@ -262,9 +266,9 @@ std::optional<RunResult> train_run(TrainOptions options, int frame_rounds, const
         log_debug("at most {} Gaussians, as for every built-in scene; --cap-max names another number", options.cap_max);
 
     catch_interrupts();
+    resolve_auto_parts(options, scene, start);
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
     if (resolve_no_residuals(options, scene)) plan = {};
-    if (options.refine_cameras == RefineCameras::kAuto) resolve_auto_cameras(options, scene, start);
     if (plan.json.is_null()) plan = make_plan(options, scene, held_out);
     log_debug("options that are not at their defaults: {}", changed_options(options));
     for (const std::string& line : plan.lines) log_debug("plan: {}", line);

@@ -183,9 +183,9 @@ TEST(TrialTraining, AStretchThatTakesTooLongHasNoResult) {
     options = resolve(options);
     const Scene scene = load_scene(options);
     TrialTraining trial(options, scene);
-    const Gaussians begun = trial.begin(2).backend->download(false);
-    EXPECT_FALSE(trial.continue_with(begun, begun.appearance, 1000000000, 0.05));
-    EXPECT_TRUE(trial.continue_with(begun, begun.appearance, 2, 1e9));
+    const Gaussians begun = trial.begin(options, 2).backend->download(false);
+    EXPECT_FALSE(trial.continue_with(begun, options, 1000000000, 0.05));
+    EXPECT_TRUE(trial.continue_with(begun, options, 2));
 }
 
 // The words and the JSON of made-up measurements.
