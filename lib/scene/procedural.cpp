@@ -100,6 +100,9 @@ void note_violations(const Description& description, Scene& scene) {
             fmt::format("views differ from the mean exposure by up to {} stops, and in white balance by up to {}, as "
                         "the scene describes",
                         description.exposure->stops, description.exposure->white_balance));
+    if (description.distractors)
+        scene.notes.push_back(fmt::format("other things cover {:g} % of every training view, as the scene describes",
+                                          100 * description.distractors->share));
     if (description.shadow)
         scene.notes.push_back(fmt::format("a shadow falls into one of every {} training views, as the scene describes",
                                           description.shadow->every));

@@ -255,7 +255,7 @@ void read_lens(const YAML::Node& node, const std::string& where, CameraRig& rig)
 }
 
 void read_violations(const YAML::Node& node, const std::string& where, Description& out) {
-    const YamlSection section(node, where, {"moved", "exposure", "shadow"});
+    const YamlSection section(node, where, {"moved", "exposure", "shadow", "distractors"});
     if (section.has("moved")) {
         const YamlSection moved(section.node("moved"), section.where("moved"), {"shape", "offset", "every"});
         out.moved.emplace();
@@ -284,6 +284,14 @@ void read_violations(const YAML::Node& node, const std::string& where, Descripti
         shadow.read("to", out.shadow->to, -kFar, kFar);
         shadow.read("radius", out.shadow->radius, 1e-6, kFar);
         shadow.read("every", out.shadow->every, 1, 10000);
+    }
+    if (section.has("distractors")) {
+        const YamlSection distractors(section.node("distractors"), section.where("distractors"), {"share", "seed"});
+        out.distractors.emplace();
+        int seed = 0;
+        distractors.read("share", out.distractors->share, 0, 0.9);
+        distractors.read("seed", seed, 0, 1 << 30);
+        out.distractors->seed = std::uint64_t(seed);
     }
 }
 
@@ -383,6 +391,68 @@ Camera rig_camera(const CameraRig& rig, bool test, int index) {
     return camera;
 }
 
+namespace {
+
+/// The largest number of distractors in a view.
+constexpr int kMostDistractors = 64;
+
+/// Returns the shape that training view `index` sees at a random pixel as number `k` of its distractors.
+Shape distractor(const Description& description, const Camera& camera, int index, int k) {
+    const Distractors& distractors = *description.distractors;
+    const auto number = std::uint32_t(index * kMostDistractors + k);
+    // Streams 0 to 4 are those of the points, of photography() and of turned().
+    const Philox4 place = philox(distractors.seed, RngStream::kScene, 5, number),
+                  look = philox(distractors.seed, RngStream::kScene, 6, number);
+    const auto in = [](std::uint32_t bits, double from, double to) {
+        return from + (to - from) * uniform_from_bits<double>(bits);
+    };
+    Shape shape;
+    shape.name = "distractor";
+    const auto ray = camera_ray(camera, in(place.v[0], 0, camera.width), in(place.v[1], 0, camera.height));
+    if (!ray) return shape.radius = 0, shape;
+    const auto hit = intersect(description.world, *ray);
+    const double depth = in(place.v[2], 0.4, 0.9) * (hit ? hit->t : description.cameras.radius);
+    // A third of the share in the mean, so that a few are needed.
+    const double pixels = std::sqrt(distractors.share * camera.width * camera.height / (3 * M_PI));
+    shape.center = ray->origin + depth * ray->direction;
+    shape.radius = in(place.v[3], 0.6, 1.3) * pixels / camera.fx * depth;
+    for (int c = 0; c < 3; ++c) shape.material.albedo[c] = in(look.v[c], 0.05, 0.95);
+    shape.material.albedo2 = 0.5 * shape.material.albedo;
+    if (look.v[3] & 1) shape.material.checker = 0.5 * shape.radius;
+    if (look.v[3] & 2) {
+        shape.kind = ShapeKind::kBox;
+        shape.half_size = Vector3d(0.6, 0.6, 1) * shape.radius;
+    }
+    return shape;
+}
+
+/// Adds distractors to the world of a training view.
+void add_distractors(const Description& description, int index, World& world) {
+    constexpr int kRays = 48;  // per side of the picture, to measure what is covered
+    const Camera camera = rig_camera(description.cameras, false, index);
+    std::vector<std::pair<Ray, double>> open;  // rays that reach the scene, and how far they go
+    for (int i = 0; i < kRays * kRays; ++i) {
+        const auto ray =
+            camera_ray(camera, (i % kRays + 0.5) / kRays * camera.width, (i / kRays + 0.5) / kRays * camera.height);
+        if (!ray) continue;
+        const auto hit = intersect(description.world, *ray);
+        open.emplace_back(*ray, hit ? hit->t : kFar);
+    }
+    const double most_open = (1 - description.distractors->share) * double(open.size());
+    for (int k = 0; k<kMostDistractors&& double(open.size())> most_open; ++k) {
+        const Shape shape = distractor(description, camera, index, k);
+        World alone;
+        alone.shapes = {shape};
+        std::erase_if(open, [&](const auto& ray) {
+            const auto hit = intersect(alone, ray.first);
+            return hit && hit->t < ray.second;
+        });
+        world.shapes.push_back(shape);
+    }
+}
+
+}  // namespace
+
 World train_world(const Description& description, int index) {
     World world = description.world;
     const auto chosen = [&](int every) { return index % every == every - 1; };
@@ -400,6 +470,7 @@ World train_world(const Description& description, int index) {
         blocker.center = description.shadow->from + along * (description.shadow->to - description.shadow->from);
         world.shapes.push_back(blocker);
     }
+    if (description.distractors) add_distractors(description, index, world);
     return world;
 }
 

@@ -58,6 +58,13 @@ struct PassingShadow {
     int every = 2;
 };
 
+/// Other things in every training view, as people and cars in photographs of a place: spheres and boxes of random
+/// sizes, colours and places between the camera and the scene, until they cover `share` of the picture.
+struct Distractors {
+    double share = 0.1;
+    std::uint64_t seed = 0;
+};
+
 struct Description {
     World world;
     CameraRig cameras;
@@ -66,6 +73,7 @@ struct Description {
     std::optional<MovedShape> moved;
     std::optional<ExposureJitter> exposure;
     std::optional<PassingShadow> shadow;
+    std::optional<Distractors> distractors;
 };
 
 /// Reads "NAME" (a scene of builtin_scene_names()) or "FILE.yaml". Throws UsageError for an unknown name (listing the

@@ -311,6 +311,31 @@ TEST(BuiltinScenes, MovedObjectDiffersOnlyInTheChosenViews) {
     }
 }
 
+TEST(BuiltinScenes, DistractorsCoverTheirShareOfEveryView) {
+    for (const char* name : {"distractors", "distractors-30"}) {
+        const Description d = small(name);
+        const double share = d.distractors->share;
+        double mean = 0;
+        for (int index = 0; index < d.cameras.train; ++index) {
+            const Camera camera = rig_camera(d.cameras, false, index);
+            const World world = train_world(d, index);
+            ASSERT_GT(world.shapes.size(), d.world.shapes.size() + 1) << index;
+            int covered = 0;
+            for (int i = 0; i < camera.width * camera.height; ++i) {
+                const auto hit = intersect(world, *camera_ray(camera, i % camera.width + 0.5, i / camera.width + 0.5));
+                covered += hit && hit->shape->name == "distractor";
+            }
+            const double part = double(covered) / (camera.width * camera.height);
+            EXPECT_GT(part, 0.85 * share) << index;
+            EXPECT_LT(part, 2 * share) << index;
+            mean += part / d.cameras.train;
+        }
+        EXPECT_NEAR(mean, 1.2 * share, 0.2 * share);
+        EXPECT_NE(train_world(d, 0).shapes.back().center, train_world(d, 1).shapes.back().center);
+        EXPECT_EQ(train_world(d, 0).shapes.back().center, train_world(d, 0).shapes.back().center);
+    }
+}
+
 TEST(BuiltinScenes, ShadowOnlyDarkensAndIsNeverSeen) {
     const Description d = small("shadow");
     int darkened = 0;
