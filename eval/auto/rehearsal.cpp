@@ -8,7 +8,6 @@
 #include <cmath>
 #include <numeric>
 #include <optional>
-#include <utility>
 
 #include "eval/auto/appearance_choice.h"
 #include "eval/auto/photograph.h"
@@ -27,15 +26,15 @@ namespace {
 constexpr double kCameraShare = 1.0 / 10;
 /// Shares of options.iterations for the training that both trainings for PPISP continue, and for each of these.
 constexpr double kBeforePpispShare = 1.0 / 15, kPpispShare = 1.0 / 15;
-/// The same for the schedule of the first one, which ends before its schedule does.
+/// Length, as such a share, of the schedule of the first training, which stops after two thirds of it.
 constexpr double kScheduleShare = 1.0 / 10;
 /// Ratio of PPISP's rate to a run's: a trial has fewer steps in which images can be told apart
 /// (docs/lab/appearance.md#what---ppisp-auto-decides).
-constexpr double kPpispHaste = 3;
-/// Fewest iterations of a trial, and fewest for each training image: one training of PPISP differs from the other by
-/// little else, and one of cameras in all that chance changes.
-constexpr std::int64_t kFewestPpispIterations = 250;
-constexpr double kFewestPpispRounds = 2, kFewestCameraRounds = 10;
+constexpr double kPpispRateFactor = 3;
+/// Fewest iterations of a training with or without PPISP, in all and for each training image.
+constexpr double kFewestPpispIterations = 250, kFewestPpispRounds = 2;
+/// The same for cameras, whose two trainings differ by chance, too.
+constexpr double kFewestCameraIterations = kFewestTrialIterations, kFewestCameraRounds = 10;
 
 /// Returns the number of steps of each held-out view's camera towards a model. Few views get more, because one that
 /// does not arrive counts for much.
@@ -64,51 +63,54 @@ Gain gain_of(std::vector<double> from, const std::vector<double>& to) {
 class Rehearsal {
   public:
     Rehearsal(const TrainOptions& options, const Scene& scene, std::size_t parts)
-        : run_(options), parts_(parts), stage_(make_stage(options, scene)) {
-        if (options.appearance != kAutoAppearance) stage_.options.appearance = options.appearance;
-        stage_.options.schedule = ScheduleKind::kProgress;  // a short training has all of its parts
-        stage_.options.time_limit.reset();
+        : run_(options),
+          parts_(parts),
+          stage_(short_trainings(options, scene)),
+          trial_(stage_.options, stage_.scene),
+          background_(trial_.background()) {
+        std::vector<View>& views = stage_.scene.test;
+        for (View& view : views) view.decoded = view_image(view);
+        std::erase_if(views, [&](const View& view) { return load_photographs({view}, background_).empty(); });
     }
 
     PartTrial ppisp() {
-        PartTrial out{.part = Part::kPpisp};
         constexpr double kBefore = kBeforePpispShare / kPpispShare;
-        out.iterations = iterations(kPpispShare, 2 + kBefore);
-        if (!begin(out, std::max(double(kFewestPpispIterations), kFewestPpispRounds * num_views()))) return out;
+        PartTrial out{.part = Part::kPpisp, .iterations = iterations(kPpispShare, 2 + kBefore)};
+        out.obstacle = obstacle(out, std::max(kFewestPpispIterations, kFewestPpispRounds * num_views()));
+        if (!out.obstacle.empty()) return out;
         TrainOptions options = stage_.options;
         options.ppisp = PpispMode::kOff;
         options.appearance = plain_model();
         options.iterations = std::llround(kScheduleShare / kPpispShare * double(out.iterations));
-        TrialTraining trial(options, stage_.scene);
-        const std::vector<Photograph> photographs = load_photographs(stage_.scene.test, trial.background());
+        const std::vector<Photograph> photographs = load_photographs(stage_.scene.test, background_);
         const Gaussians begun =
-            trial.begin(options, std::llround(kBefore * double(out.iterations))).backend->download(false);
+            trial_.begin(options, std::llround(kBefore * double(out.iterations))).backend->download(false);
         options.appearance = stage_.options.appearance;
-        options.ppisp_lr *= kPpispHaste;
+        options.ppisp_lr *= kPpispRateFactor;
         for (const PpispMode mode : {PpispMode::kOff, PpispMode::kOn}) {
             options.ppisp = mode;
-            const auto trained = trial.continue_with(begun, options, out.iterations);
+            const auto trained = trial_.continue_with(begun, options, out.iterations);
             const bool with = mode == PpispMode::kOn;
-            (with ? out.with : out.without).psnr = psnrs(*trained->backend, photographs, trial.background(), true);
+            (with ? out.with : out.without).psnr = psnrs(*trained->backend, photographs, background_, true);
             if (with) out.correction = exposure_spread(trained->backend->download_ppisp());
         }
         return out;
     }
 
     PartTrial cameras(PpispMode ppisp) {
-        PartTrial out{.part = Part::kCameras};
+        PartTrial out{.part = Part::kCameras, .iterations = iterations(kCameraShare, 2)};
         const std::size_t held_out = stage_.scene.test.size();
-        const int steps = align_steps(held_out);
-        out.iterations = iterations(kCameraShare, 2) - (run_.time_limit ? steps * std::int64_t(held_out) : 0);
-        if (!begin(out, std::max(double(kFewestTrialIterations), kFewestCameraRounds * num_views()))) return out;
+        const int steps = align_steps(std::max<std::size_t>(1, held_out));
+        if (run_.time_limit) out.iterations -= steps * std::int64_t(held_out);
+        out.obstacle = obstacle(out, std::max(kFewestCameraIterations, kFewestCameraRounds * num_views()));
+        if (!out.obstacle.empty()) return out;
         TrainOptions options = stage_.options;
         options.ppisp = ppisp;
         options.iterations = out.iterations;
-        TrialTraining trial(options, stage_.scene);
         const auto scores = [&](CameraRefinement* cameras) -> HeldOutScores {
-            const TrialResult trained = trial.begin(options, out.iterations, cameras);
-            const AlignedViews aligned = align_cameras(*trained.backend, stage_.scene.test, trial.background(), steps);
-            return {psnrs(*trained.backend, load_photographs(aligned.views, trial.background()), trial.background(),
+            const TrialResult trained = trial_.begin(options, out.iterations, cameras);
+            const AlignedViews aligned = align_cameras(*trained.backend, stage_.scene.test, background_, steps);
+            return {psnrs(*trained.backend, load_photographs(aligned.views, background_), background_,
                           ppisp == PpispMode::kOn),
                     aligned.ssim};
         };
@@ -122,6 +124,14 @@ class Rehearsal {
     }
 
   private:
+    static Stage short_trainings(const TrainOptions& options, const Scene& scene) {
+        Stage stage = make_stage(options, scene);
+        if (options.appearance != kAutoAppearance) stage.options.appearance = options.appearance;
+        stage.options.schedule = ScheduleKind::kProgress;  // a short training has all of its parts
+        stage.options.time_limit.reset();
+        return stage;
+    }
+
     double num_views() const { return double(stage_.scene.train.size()); }
 
     /// Returns the iterations of a training that has this share of a run, or of one of `trainings` within the part's
@@ -131,29 +141,33 @@ class Rehearsal {
         return affordable_iterations(stage_, kLimitShare * run_.time_limit->seconds / double(parts_), trainings);
     }
 
-    /// Reads the held-out views. Returns false and sets the obstacle if nothing can be measured.
-    bool begin(PartTrial& trial, double needed) {
-        if (double(trial.iterations) < needed) {
-            trial.obstacle = fmt::format("too short to tell: a trial would have {} iterations, and {:.0f} are needed",
-                                         std::max<std::int64_t>(0, trial.iterations), needed);
-            return false;
-        }
-        for (View& view : stage_.scene.test) view.decoded = view_image(view);
-        const Vec3<float> background = run_.background.color;
-        std::erase_if(stage_.scene.test,
-                      [&](const View& view) { return load_photographs({view}, background).empty(); });
-        if (stage_.scene.test.empty()) trial.obstacle = "masks leave nothing of the views that would be compared";
-        return trial.obstacle.empty();
+    /// Returns why nothing can be measured; empty if it can.
+    std::string obstacle(const PartTrial& trial, double needed) const {
+        if (double(trial.iterations) < needed)
+            return fmt::format("too short to tell: a trial would have {} iterations, and {:.0f} are needed",
+                               std::max<std::int64_t>(0, trial.iterations), needed);
+        return stage_.scene.test.empty() ? "masks leave nothing of the views that would be compared" : "";
     }
 
     const TrainOptions run_;
     const std::size_t parts_;
     Stage stage_;
+    TrialTraining trial_;
+    const Vec3<float> background_;
 };
 
 }  // namespace
 
 const char* option_of(Part part) { return part == Part::kPpisp ? "ppisp" : "refine-cameras"; }
+
+void set_part(TrainOptions& options, Part part, bool on) {
+    if (part == Part::kCameras) {
+        options.refine_cameras = on ? RefineCameras::kOn : RefineCameras::kOff;
+        return;
+    }
+    options.ppisp = on ? PpispMode::kOn : PpispMode::kOff;
+    options.ppisp_exif = on && options.ppisp_exif;
+}
 
 std::vector<PartTrial> rehearse(TrainOptions& options, const Scene& scene) {
     std::vector<Part> parts;
@@ -161,23 +175,21 @@ std::vector<PartTrial> rehearse(TrainOptions& options, const Scene& scene) {
     if (options.refine_cameras == RefineCameras::kAuto) parts.push_back(Part::kCameras);
     if (parts.empty()) return {};
     set_num_threads(options.threads);
+    double start = seconds_now();
     std::optional<Rehearsal> rehearsal;
     if (scene.train.size() >= 2 * kFewestViews) rehearsal.emplace(options, scene, parts.size());
     std::vector<PartTrial> out;
     for (const Part part : parts) {
-        const double start = seconds_now();
         if (!rehearsal)
             out.push_back({.part = part,
                            .obstacle = fmt::format("{} training views are too few to hold some out; {} are needed",
                                                    scene.train.size(), 2 * kFewestViews)});
         else
             out.push_back(part == Part::kPpisp ? rehearsal->ppisp() : rehearsal->cameras(options.ppisp));
-        out.back().seconds = seconds_now() - start;
-        const bool on = decide(out.back()).on;
-        if (part == Part::kPpisp)
-            options.ppisp = on ? PpispMode::kOn : PpispMode::kOff;
-        else
-            options.refine_cameras = on ? RefineCameras::kOn : RefineCameras::kOff;
+        const double now = seconds_now();
+        out.back().seconds = now - start;
+        start = now;
+        set_part(options, part, decide(out.back()).on);
     }
     return out;
 }
@@ -195,7 +207,7 @@ PartDecision decide(const PartTrial& trial) {
         out.gain = psnr.mean, out.error = psnr.error;
         out.on = out.gain > std::max(kLeastPhotometricGain, out.error);
         reason = fmt::format(
-            "{} held-out views, with colours aligned, gain {:+.2f} dB (standard error {:.2f}, asked for {:g}); "
+            "{} held-out views, with colours aligned, gain {:+.2f} dB (standard error {:.2f}, required {:g}); "
             "exposures differ by {:.2f} stops",
             trial.with.psnr.size(), out.gain, out.error, kLeastPhotometricGain, trial.correction);
     } else {
@@ -205,7 +217,7 @@ PartDecision decide(const PartTrial& trial) {
         out.on = out.gain > std::max(kLeastCameraGain, 2 * out.error) && out.decibels > 0;
         reason = fmt::format(
             "corrections of {:.2f} pixels in the median, and {} held-out views, aligned to each model, gain {:+.2f} dB "
-            "and {:+.1f} % of what SSIM lacks to 1 (standard error {:.1f}, asked for {:g})",
+            "and {:+.1f} % of what SSIM lacks to 1 (standard error {:.1f}, required {:g})",
             trial.correction, trial.with.ssim.size(), out.decibels, 100 * out.gain, 100 * out.error,
             100 * kLeastCameraGain);
     }

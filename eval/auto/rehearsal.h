@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decides before a run which of its parts the scene requires: trains shortly without and with each of them, and
-// compares views that were held out.
+// Decides before a run which optional parts it has: makes short trainings without and with each of them, and compares
+// views that were held out.
 #pragma once
 
 #include <cstdint>
@@ -50,12 +50,15 @@ struct PartDecision {
 /// The smallest gains for which a part is on: of PSNR in dB, and of SSIM as a share of what it lacks to 1.
 inline constexpr double kLeastPhotometricGain = 0.1, kLeastCameraGain = 0.04;
 
+/// Sets the option of a part to on or off. Without PPISP there is no --ppisp-exif either.
+void set_part(TrainOptions& options, Part part, bool on);
+
 /// Measures for each part whose option is `auto` whether it makes held-out views better, and sets the option to on or
 /// off by that. Holds out every 8th training view, makes images at most 400 pixels wide and options.cap_max smaller in
-/// proportion. Trains three fifteenths of options.iterations for PPISP, then two tenths for the cameras, with PPISP as
-/// decided. With options.time_limit all measurements have about a tenth of it, as estimated beforehand. Test views are
-/// not used. Without a time limit, the same options and seed give the same result except for times. Throws the errors
-/// of the training.
+/// proportion. If the appearance is `auto`, too, all trainings are without view dependence. Trains three fifteenths of
+/// options.iterations for PPISP, then two tenths for the cameras, with PPISP as decided. With options.time_limit all
+/// measurements have about a tenth of it, as estimated beforehand. Test views are not used. Without a time limit, the
+/// same options and seed give the same result except for times. Throws the errors of the training.
 std::vector<PartTrial> rehearse(TrainOptions& options, const Scene& scene);
 
 /// Decides for a part if its gain is clear: the gain of PPISP exceeds kLeastPhotometricGain and its standard error; the

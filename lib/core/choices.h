@@ -31,7 +31,7 @@ enum class Preset { kNone, kFast, kBalanced, kBest };
 enum class SizeOf { kWeb, kPly, kSplat };
 /// The device that trains the model; kAuto: the GPU if there is one, else the CPU.
 enum class Device { kAuto, kCpu, kCuda };
-/// Whether the photometric correction is learned; kAuto: if the images are measured to differ.
+/// Whether the photometric correction is learned; kAuto: if held-out images gain by it.
 enum class PpispMode { kOff, kOn, kAuto };
 /// Whether all images are decoded once before the training; kAuto: unless there are very many images.
 enum class VerifyImages { kAuto, kOn, kOff };

@@ -10,7 +10,6 @@
 
 #include "kernels/base/error.h"
 #include "lib/core/log.h"
-#include "lib/core/options.h"
 
 namespace gs {
 namespace {
@@ -42,6 +41,8 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene)
       longest_hold_(options.schedule == ScheduleKind::kFixed ? std::min(kLongestHold, double(options.iterations / 3))
                                                              : kLongestHold),
       scene_(scene) {
+    if (options.ppisp == PpispMode::kAuto)
+        throw UsageError("option ppisp: auto must be decided before a training begins");
     file_.exif = exif_;
     double known = 0;
     for (const View& view : scene.train) {

@@ -37,9 +37,10 @@ inline constexpr double kControllerRate = 0.001;
 /// change of the Gaussians, call add_controllers(), then apply_controller() for each controller step.
 class Photometric {
   public:
-    /// options.ppisp must be on or off, not auto. Reads options.ppisp_from, if set, and matches it with the training
-    /// images by name. Throws DataError if an image has no counterpart there or the numbers of cameras differ,
-    /// UsageError if only one of the two runs uses EXIF. Both arguments must outlive the object.
+    /// Throws UsageError if options.ppisp is auto, which is decided before. Reads options.ppisp_from, if set, and
+    /// matches it with the training images by name. Throws DataError if an image has no counterpart there or the
+    /// numbers of cameras differ, UsageError if only one of the two runs uses EXIF. Both arguments must outlive the
+    /// object.
     Photometric(const TrainOptions& options, const Scene& scene);
 
     /// Returns the PPISP state with which a new run begins; inactive if PPISP is off.

@@ -12,6 +12,22 @@
 namespace gs::test {
 namespace {
 
+TEST(RefineCommand, PhotometricCorrectionGoesOnAsItWasDecided) {
+    Program program;
+    const std::string options =
+        "train -s builtin:exposure -m run --resolution 16 --ppisp auto --controller-iterations 0 --device cpu "
+        "--init-points 100 --cap-max 200 --iterations ";
+    const Outcome trained = program.run(options + "7000");
+    EXPECT_EQ(trained.exit_code, 0) << trained.err;
+    EXPECT_NE(trained.err.find("--ppisp auto: on: "), std::string::npos) << trained.err;
+    EXPECT_NE(program.read("run/stats/train.jsonl").find("\"event\":\"photometric\""), std::string::npos);
+    EXPECT_NE(program.read("run/config.yaml").find("ppisp: on"), std::string::npos);
+    const Outcome resumed = program.run(options + "7020 --resume latest");
+    EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+    EXPECT_EQ(resumed.err.find("--ppisp auto"), std::string::npos) << resumed.err;
+    EXPECT_NE(program.read("run/config.yaml").find("ppisp: on"), std::string::npos);
+}
+
 TEST(RefineCommand, TrainsScoresAndTrainsOnItsCameras) {
     Program program;
     write_colmap_scene(program.path("scene"), numbered(10));
@@ -51,11 +67,16 @@ TEST(RefineCommand, TrainsScoresAndTrainsOnItsCameras) {
     EXPECT_TRUE(std::filesystem::exists(program.path("scene/images")));
 
     // Ten images are too few to hold some out, which auto says; a resumed run goes on as it began.
-    const Outcome chosen = expect_ok("train -s scene -m chosen --refine-cameras auto" + options);
+    const Outcome chosen =
+        expect_ok("train -s scene -m chosen --refine-cameras auto --ppisp auto --ppisp-exif" + options);
     EXPECT_NE(chosen.err.find("--refine-cameras auto: off: "), std::string::npos) << chosen.err;
+    EXPECT_NE(chosen.err.find("--ppisp auto: off: "), std::string::npos) << chosen.err;
+    EXPECT_NE(program.read("chosen/config.yaml").find("ppisp: off"), std::string::npos);
     EXPECT_NE(program.read("chosen/config.yaml").find("refine-cameras: off"), std::string::npos);
     const auto decided = parse_json(program.read("chosen/results.json"));
     EXPECT_EQ(decided["refine_cameras"]["ours_60"].get<std::string>().substr(0, 4), "off:");
+    EXPECT_EQ(decided["photometric"]["ours_60"]["decision"].get<std::string>().substr(0, 4), "off:");
+    expect_ok("train -m chosen --resume latest --iterations 80");
     expect_ok("train -s scene -m longer --refine-cameras auto --resume run/checkpoints/iteration_60.safetensors" +
               options + " --iterations 80");
     EXPECT_NE(program.read("longer/config.yaml").find("refine-cameras: on"), std::string::npos);

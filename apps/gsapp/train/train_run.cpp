@@ -86,7 +86,7 @@ void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choi
     write_text_atomic(RunFolder{run_folder}.appearance_choice(), json_text(choice, 1) + "\n");
 }
 
-/// Sets the model chosen by `--appearance auto`, and writes the reasons to auto.json and as the first event of the log.
+/// Sets the model chosen by `--appearance auto`, and writes the reasons to auto.json and as an event of the log.
 void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart& start) {
     const AppearanceReport report = find_appearance(options, scene);
     for (const std::string& line : report.lines)
@@ -102,15 +102,15 @@ void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart
 /// began.
 void resolve_auto_parts(TrainOptions& options, const Scene& scene, RunStart& start) {
     if (start.checkpoint) {
-        if (options.ppisp == PpispMode::kAuto)
-            options.ppisp = start.checkpoint->state.ppisp.active() ? PpispMode::kOn : PpispMode::kOff;
+        if (options.ppisp == PpispMode::kAuto) set_part(options, Part::kPpisp, start.checkpoint->state.ppisp.active());
         if (options.refine_cameras == RefineCameras::kAuto)
-            options.refine_cameras = start.checkpoint->cameras.views.empty() ? RefineCameras::kOff : RefineCameras::kOn;
+            set_part(options, Part::kCameras, !start.checkpoint->cameras.views.empty());
         return;
     }
     for (const PartTrial& trial : rehearse(options, scene)) {
         const PartDecision decision = decide(trial);
-        log_info("--{} auto: {}", option_of(trial.part), decision.reason);
+        log_message(trial.obstacle.empty() ? LogLevel::kInfo : LogLevel::kWarn, "--{} auto: {}",
+                    fmt::make_format_args(option_of(trial.part), decision.reason));
         start.first_events.push_back(event_of(trial, decision));
         start.used_seconds += trial.seconds;
     }

@@ -123,14 +123,32 @@ TEST(Rehearsal, TellsExposuresFromTheScene) {
 }
 
 TEST(Rehearsal, DecidesBothParts) {
-    TrainOptions options = options_of(600);
-    options.ppisp = PpispMode::kAuto;
+    TrainOptions options = options_of(6000);
+    options.ppisp = PpispMode::kAuto, options.ppisp_exif = true;
     const auto trials = rehearse(options, scene_off_by(0));
     ASSERT_EQ(trials.size(), 2u);
     EXPECT_STREQ(option_of(trials[0].part), "ppisp");
     EXPECT_STREQ(option_of(trials[1].part), "refine-cameras");
+    for (const PartTrial& trial : trials) EXPECT_EQ(trial.with.psnr.size(), 3u) << trial.obstacle;
     EXPECT_EQ(options.ppisp, PpispMode::kOff);
     EXPECT_EQ(options.refine_cameras, RefineCameras::kOff);
+    EXPECT_FALSE(options.ppisp_exif) << "options of a run without PPISP are valid";
+}
+
+TEST(Rehearsal, MasksMayLeaveNothing) {
+    Scene scene = scene_off_by(0);
+    for (View& view : scene.train)
+        view.load = [load = view.load] {
+            ViewImage image = load();
+            image.mask = Image{image.color.width, image.color.height, 1, {}, {}};
+            image.mask->u8.assign(std::size_t(image.color.width) * std::size_t(image.color.height), 0);
+            return image;
+        };
+    TrainOptions options = options_of(6000);
+    options.ppisp = PpispMode::kAuto;
+    const auto trials = rehearse(options, scene);
+    ASSERT_EQ(trials.size(), 2u);
+    for (const PartTrial& trial : trials) EXPECT_EQ(trial.obstacle.substr(0, 5), "masks") << trial.obstacle;
 }
 
 TEST(Rehearsal, NeedsViewsAndIterations) {
