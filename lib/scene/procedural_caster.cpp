@@ -103,7 +103,7 @@ std::optional<Hit> intersect(const World& world, const Ray& ray) {
     Hit hit;
     hit.t = kInfinity;
     for (const Shape& shape : world.shapes) {
-        if (shape.shadow_only) continue;
+        if (!shape.visible) continue;
         const double t = hit_distance(shape, ray);
         if (t < hit.t) {
             hit.t = t;
@@ -121,7 +121,7 @@ bool occluded(const World& world, const Vector3d& point, const Vector3d& normal,
               double limit) {
     const Ray ray{point + kSurfaceOffset * normal, direction};
     return std::any_of(world.shapes.begin(), world.shapes.end(),
-                       [&](const Shape& shape) { return hit_distance(shape, ray) < limit; });
+                       [&](const Shape& shape) { return shape.blocks_light && hit_distance(shape, ray) < limit; });
 }
 
 Vector3d sky_color(const Sky& sky, const Vector3d& direction) {

@@ -33,7 +33,7 @@ struct Shape {
     Eigen::Vector3d half_size{1, 1, 1};
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< world_from_object
     Material material;
-    bool shadow_only = false;  ///< invisible, but blocks light
+    bool visible = true, blocks_light = true;
 };
 
 /// A directional light, or the parallelogram center + s*edge_u + t*edge_v, s,t in [-1,1], sampled on a fixed grid.

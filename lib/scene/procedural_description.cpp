@@ -408,6 +408,7 @@ Shape distractor(const Description& description, const Camera& camera, int index
     };
     Shape shape;
     shape.name = "distractor";
+    shape.blocks_light = false;  // its shadow would darken far more of the picture than it covers
     const auto ray = camera_ray(camera, in(place.v[0], 0, camera.width), in(place.v[1], 0, camera.height));
     if (!ray) return shape.radius = 0, shape;
     const auto hit = intersect(description.world, *ray);
@@ -465,7 +466,7 @@ World train_world(const Description& description, int index) {
         Shape blocker;
         blocker.name = "passing shadow";
         blocker.radius = description.shadow->radius;
-        blocker.shadow_only = true;
+        blocker.visible = false;
         const double along = (index + 0.5) / description.cameras.train;
         blocker.center = description.shadow->from + along * (description.shadow->to - description.shadow->from);
         world.shapes.push_back(blocker);

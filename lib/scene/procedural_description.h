@@ -59,7 +59,8 @@ struct PassingShadow {
 };
 
 /// Other things in every training view, as people and cars in photographs of a place: spheres and boxes of random
-/// sizes, colours and places between the camera and the scene, until they cover `share` of the picture.
+/// sizes, colours and places between the camera and the scene, until they cover `share` of the picture. They cast no
+/// shadows. They cast no shadows.
 struct Distractors {
     double share = 0.1;
     std::uint64_t seed = 0;

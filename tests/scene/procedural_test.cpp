@@ -331,6 +331,10 @@ TEST(BuiltinScenes, DistractorsCoverTheirShareOfEveryView) {
             mean += part / d.cameras.train;
         }
         EXPECT_NEAR(mean, 1.2 * share, 0.2 * share);
+        const Camera first = rig_camera(d.cameras, false, 0);
+        World unlit = train_world(d, 0);
+        for (Shape& shape : unlit.shapes) shape.visible = shape.name != "distractor";
+        EXPECT_EQ(different_pixels(render(unlit, first, 1), render(d.world, first, 1)), 0) << "no shadows";
         EXPECT_NE(train_world(d, 0).shapes.back().center, train_world(d, 1).shapes.back().center);
         EXPECT_EQ(train_world(d, 0).shapes.back().center, train_world(d, 0).shapes.back().center);
     }
