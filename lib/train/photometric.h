@@ -33,8 +33,8 @@ double ppisp_rate(double rate, double distance);
 inline constexpr double kControllerRate = 0.001;
 
 /// PPISP in a run: off, on, or taken from another run. A new run begins with initial_state(), a resumed run with
-/// resume(). Before every step, call apply() on the step's request. After the last
-/// change of the Gaussians, call add_controllers(), then apply_controller() for each controller step.
+/// resume(). Before every step, call apply() on the step's request. After the last change of the Gaussians, call
+/// add_controllers(), then apply_controller() for each controller step.
 class Photometric {
   public:
     /// Throws UsageError if options.ppisp is auto, which is decided before. Reads options.ppisp_from, if set, and

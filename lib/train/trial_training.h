@@ -38,11 +38,10 @@ class TrialTraining {
 
     /// Continues from a state of a model without residual, after as many iterations as the last begin() had. The
     /// appearance's residual begins at zero with all degrees active, PPISP where the state has it or else here. No
-    /// Gaussian is added or relocated. Learning rates, but for PPISP's,
-    /// follow the rest of a run's schedule in compressed form, so
-    /// that the model converges. Every call uses the same views. Returns nothing after more than `most_seconds`, since
-    /// models are comparable only after the rates have fallen. Throws NumericError if parameters or losses stay
-    /// non-finite, Interrupted after Ctrl-C.
+    /// Gaussian is added or relocated. Learning rates, but for PPISP's, follow the rest of a run's schedule in
+    /// compressed form, so that the model converges. Every call uses the same views. Returns nothing after more than
+    /// `most_seconds`, since models are comparable only after the rates have fallen. Throws NumericError if parameters
+    /// or losses stay non-finite, Interrupted after Ctrl-C.
     std::optional<TrialResult> continue_with(const Gaussians& state, const TrainOptions& options,
                                              std::int64_t iterations,
                                              double most_seconds = std::numeric_limits<double>::infinity());
